@@ -8,6 +8,7 @@ from pathlib import Path
 
 import command_line
 import pytest
+from command_line import program
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.timeout(600)
@@ -17,13 +18,9 @@ pytestmark = pytest.mark.timeout(600)
 def source(tmp_path: Path) -> Path:
     """The files of the repository as they are now, where nobody edits them meanwhile."""
     copy = tmp_path / "source"
-    tracked = subprocess.run(
-        ["git", "-C", str(ROOT), "ls-files", "-z", "src", "deploy", "*.toml", "*.py", "*.md"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.split("\0")
-    for name in [*filter(None, tracked), "LICENSE"]:
+    places = ("src", "deploy", "*.toml", "*.py", "*.md")
+    tracked = program("git", "-C", ROOT, "ls-files", "-z", *places, check=True).stdout
+    for name in [*filter(None, tracked.split("\0")), "LICENSE"]:
         if (ROOT / name).is_file():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, copy / name)
@@ -49,15 +46,10 @@ def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
         (home / f"{module}.py").write_text("raise SystemExit('taken from where it is called')")
 
     def run() -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [
-                *(str(source / "deploy/install.sh"), "--root", str(root), "--user", "pi"),
-                *("--update-key", "release.pem"),
-            ],
+        return program(
+            *(source / "deploy/install.sh", "--root", root, "--user", "pi"),
+            *("--update-key", "release.pem"),
             cwd=home,
-            capture_output=True,
-            text=True,
-            check=False,
             # Bytecode of all libraries takes half a minute, and is made when one is imported.
             env=os.environ | {"PYTHON": sys.executable, "PIP_COMPILE": "0"},
         )

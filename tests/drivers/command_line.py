@@ -1,4 +1,4 @@
-"""The command line run in this process or by itself, and other programs run to their end."""
+"""The command line run in this process or by itself, and other programs."""
 
 import subprocess
 import sys
@@ -30,6 +30,12 @@ def program(*words: str | Path, **options: Any) -> subprocess.CompletedProcess[s
 def python(*words: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run this Python to its end; what it printed, as text."""
     return program(sys.executable, *words, **options)
+
+
+def launched(*words: str | Path, **options: Any) -> subprocess.Popen[str]:
+    """Start this Python beside the test; what it prints can be read, as text."""
+    usual: dict[str, Any] = {"stdout": subprocess.PIPE, "text": True}
+    return subprocess.Popen([sys.executable, *map(str, words)], **(usual | options))
 
 
 def started(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:

@@ -23,7 +23,6 @@ import random
 import resource
 import shutil
 import signal
-import sqlite3
 import struct
 import subprocess
 import sys
@@ -35,6 +34,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from sql import sql
 
 from uavrt.errors import UavrtError
 from uavrt.foreign import CPU_S, MEMORY_BYTES, MOST_FAULTS
@@ -91,9 +92,7 @@ class Outcome:
 def sqlite(*statements: str) -> Content:
     def make(path: Path) -> None:
         path.unlink(missing_ok=True)
-        with contextlib.closing(sqlite3.connect(path)) as database, database:
-            for one in statements:
-                database.execute(one)
+        sql(path, *statements)
 
     return make
 
@@ -538,9 +537,7 @@ def flight_attacks() -> Attacks:
     def changed(*statements: str) -> Content:
         def make(path: Path) -> None:
             honest_flight(path)
-            with contextlib.closing(sqlite3.connect(path)) as database, database:
-                for one in statements:
-                    database.execute(one)
+            sql(path, *statements)
 
         return make
 
@@ -634,9 +631,7 @@ def _flight_content() -> bytes:
 
     with tempfile.TemporaryDirectory() as name:
         source = Path(name) / write_flight(Path(name), 100.0, 200.0) / "flight.sqlite"
-        with contextlib.closing(sqlite3.connect(source)) as database:
-            database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-            database.execute("PRAGMA journal_mode=DELETE")
+        sql(source, "PRAGMA wal_checkpoint(TRUNCATE)", "PRAGMA journal_mode=DELETE")
         return source.read_bytes()
 
 

@@ -25,6 +25,7 @@ from uavrt.messages import (
     Command,
     CommandReply,
     FlightInfo,
+    Health,
     IQBlock,
     LiveBearing,
     Pose,
@@ -237,6 +238,12 @@ def process_status(process: str, status: str, **fields: Any) -> ProcessStatus:
         "memory_mb": 0.0,
     }
     return ProcessStatus(process=process, status=status, **(usual | fields))
+
+
+def health(process: str, time_ns: int = 0, **fields: Any) -> Health:
+    """Make what a process says of itself that is ready."""
+    usual: dict[str, Any] = {"status": "ready", "ok": True}
+    return Health(process=process, time_ns=time_ns, **(usual | fields))
 
 
 def reply(command: Command, message: str = "", *, accepted: bool = True) -> CommandReply:

@@ -8,18 +8,21 @@ import contextlib
 import io
 import os
 import shutil
-import sqlite3
 import struct
 import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from command_line import launched
 from film import Film
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+from sql import write_mbtiles
+from willing_drone import WillingDrone
+
+from uavrt.demo.programs import free_udp_port
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 ARGUMENTS = (
@@ -70,15 +73,10 @@ class Ground:
 
     def __init__(self, directory: Path, port: int = 0, *more: str) -> None:
         self._log = (directory / "ground.log").open("ab")
-        self._process = subprocess.Popen(
-            [
-                sys.executable,
-                *("-m", "uavrt.cli", "ground", "--no-browser"),
-                *("-o", str(directory / "ground"), "--port", str(port), *more),
-            ],
-            stdout=subprocess.PIPE,
+        self._process = launched(
+            *("-m", "uavrt.cli", "ground", "--no-browser", "-o", directory / "ground"),
+            *("--port", str(port), *more),
             stderr=self._log,
-            text=True,
         )
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().split()[4]
@@ -181,6 +179,56 @@ class Watched:
         self._context.close()
 
 
+class Scene:
+    """A ground station with its page, and drones that it commands.
+
+    `directory`: of the test; the station's own is `here`.
+    `start`, `open_page`, `make_drone`: what starts stations, pages and drones, and ends them.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        start: Callable[..., Ground],
+        open_page: Callable[..., Watched],
+        make_drone: Callable[..., WillingDrone],
+    ) -> None:
+        self.directory, self.here = directory, directory / "ground"
+        self.here.mkdir()
+        self.link_port = free_udp_port()
+        self.link = ("--mavlink", f"udpin://127.0.0.1:{self.link_port}")
+        self._start, self._open_page, self._make_drone = start, open_page, make_drone
+        self._ground: Ground | None = None
+
+    def start(self, *more: str, port: int = 0) -> Ground:
+        """Start the station with further arguments."""
+        self._ground = self._start(self.directory, port, *self.link, *more)
+        return self._ground
+
+    @property
+    def ground(self) -> Ground:
+        """The station; started where none was."""
+        return self._ground or self.start()
+
+    def drone(
+        self, system_id: int = 1, *, port: int | None = None, **world: Any
+    ) -> WillingDrone:
+        """Start a drone that the station hears, or one at another port."""
+        assert self.ground
+        return self._make_drone(port or self.link_port, system_id, **world)
+
+    def watch(self, address: str = "", **context: Any) -> Watched:
+        """Open the page, in light colours unless others are asked for."""
+        usual = {"color_scheme": "light"}
+        return self._open_page(address or self.ground.address, **(usual | context))
+
+
+def open_flight(page: Page, flight_id: str) -> None:
+    """Open a past flight from the list."""
+    page.click("#tab-flights")
+    page.click(f'tr[data-flight="{flight_id}"] .open-flight')
+
+
 def _host(url: str) -> str:
     parts = urlsplit(url)
     return parts.netloc if parts.scheme in ("http", "https", "ws", "wss") else parts.scheme
@@ -215,23 +263,13 @@ def write_map(path: Path) -> None:
     """Write a map of one grey tile at each place of the first zooms."""
     tile = io.BytesIO()
     Image.new("RGB", (256, 256), (200, 210, 190)).save(tile, "PNG")
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
-        database.execute(
-            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
-        )
-        facts = [("format", "png"), ("bounds", "-180,-85,180,85")]
-        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
-        database.executemany(
-            "INSERT INTO tiles VALUES (?, ?, ?, ?)",
-            [
-                (zoom, column, row, tile.getvalue())
-                for zoom in range(4)
-                for column in range(2**zoom)
-                for row in range(2**zoom)
-            ],
-        )
-    database.close()
+    tiles = [
+        (zoom, column, row, tile.getvalue())
+        for zoom in range(4)
+        for column in range(2**zoom)
+        for row in range(2**zoom)
+    ]
+    write_mbtiles(path, {"format": "png", "bounds": "-180,-85,180,85"}, tiles)
 
 
 def write_vector_map(path: Path) -> None:

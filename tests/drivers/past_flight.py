@@ -2,12 +2,11 @@
 
 import math
 import shutil
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import made
 import numpy as np
+from sql import sql
 
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -65,15 +64,16 @@ def write_days(directory: Path, days: int) -> list[str]:
     for number in range(days):
         name = f"flight_log_2026-05-{number + 1:02d}_12-00-00"
         shutil.copytree(directory / first, directory / name)
-        with closing(sqlite3.connect(directory / name / "flight.sqlite")) as database:
-            (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
-            later_ns = NOON_NS + number * DAY_NS - start_ns
-            database.execute("UPDATE flight SET start_time_ns = start_time_ns + ?", [later_ns])
-            for table, columns in (("pulses", ("start", "end")), ("poses", ("",))):
-                for column in (f"{one}_time_ns".lstrip("_") for one in columns):
-                    database.execute(f"UPDATE {table} SET {column} = {column} + ?", [later_ns])
-            database.execute("UPDATE tags SET tag_id = ?", [2 + 2 * (number % 2)])
-            database.commit()
+        ((start_ns,),) = sql(directory / name, "SELECT start_time_ns FROM flight")
+        later_ns = NOON_NS + number * DAY_NS - start_ns
+        start = f"start_time_ns = start_time_ns + {later_ns}"
+        sql(
+            directory / name,
+            f"UPDATE flight SET {start}",
+            f"UPDATE pulses SET {start}, end_time_ns = end_time_ns + {later_ns}",
+            f"UPDATE poses SET time_ns = time_ns + {later_ns}",
+            f"UPDATE tags SET tag_id = {2 + 2 * (number % 2)}",
+        )
         names.append(name)
     shutil.rmtree(directory / first)
     return names

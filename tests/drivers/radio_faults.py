@@ -21,6 +21,7 @@ from typing import Any
 import made
 import msgspec
 import pytest
+from command_line import python
 from radio_world import DRIVERS, SERIALS, TAG_HZ, RadioWorld
 from rich.console import Console
 
@@ -326,14 +327,8 @@ def doctor(
     question = json.dumps(
         [str(directory), msgspec.to_builtins(radio), [*faults], [*serials], rates]
     )
-    finished = subprocess.run(
-        [sys.executable, __file__, question],
-        env=world.environment | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    environment = world.environment | {"PYTHONPATH": path}
+    finished = python(__file__, question, env=environment, timeout=100)
     assert finished.returncode == 0, finished.stderr
     lines: dict[str, list[str]] = json.loads(finished.stdout)
     return lines

@@ -1,6 +1,6 @@
 """A ROS 2 program gone wild: publishes the same message on one topic, fast or huge.
 
-``python ros_flood.py DOMAIN TOPIC TYPE RATE SECONDS BYTES``; prints a line when it begins and
+``python ros_flood.py DOMAIN TOPIC RATE SECONDS BYTES``; prints a line when it begins and
 how many messages it has sent when it has ended. Its participant is one of its own.
 """
 
@@ -12,7 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ros_peer import RosPeer
+from command_line import launched
+from ros_peer import RosPeer, kind_of
+from some import some
 
 STEP_S = 0.01
 
@@ -48,12 +50,12 @@ def message(peer: Any, type_name: str, size: int) -> bytes:
     return bytes(peer.types.serialize_cdr(whole, type_name))
 
 
-def main(domain: str, topic: str, type_name: str, rate: str, seconds: str, size: str) -> None:
+def main(domain: str, topic: str, rate: str, seconds: str, size: str) -> None:
     """Publish until the time is over."""
     peer = RosPeer(int(domain))
     # All that it sends is delivered, so that every message can be accounted for.
-    peer.advertise(topic, type_name, depth=100_000)
-    cdr = message(peer, type_name, int(size))
+    peer.advertise(topic, depth=100_000)
+    cdr = message(peer, kind_of(topic), int(size))
     print("begun", flush=True)
     sent, begun_s = 0, time.monotonic()
     while (now_s := time.monotonic() - begun_s) < float(seconds):
@@ -69,20 +71,15 @@ def main(domain: str, topic: str, type_name: str, rate: str, seconds: str, size:
 
 @contextmanager
 def flood(
-    domain: int, topic: str, type_name: str, *, rate: float, seconds: float, size: int = 0
+    domain: int, topic: str, *, rate: float, seconds: float, size: int = 0
 ) -> Iterator[Any]:
     """Run it; the result is a function that waits for the end and gets the number sent."""
-    arguments = [str(value) for value in (domain, topic, type_name, rate, seconds, size)]
-    with subprocess.Popen(
-        [sys.executable, str(Path(__file__)), *arguments],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "begun\n"
+    arguments = [str(value) for value in (domain, topic, rate, seconds, size)]
+    with launched(Path(__file__), *arguments, stdin=subprocess.PIPE) as process:
+        output = some(process.stdout)
+        assert output.readline() == "begun\n"
         try:
-            yield lambda: int(process.stdout.readline())
+            yield lambda: int(output.readline())
         finally:
             process.kill()
 

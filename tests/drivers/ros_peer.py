@@ -21,6 +21,7 @@ from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
 from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import FlightInfo
+from uavrt.ros2.messages import RosTag
 
 INTERFACES = Path(__file__).parents[2] / "ros" / "uavrt_interfaces" / "msg"
 LOOPBACK = (
@@ -30,6 +31,28 @@ LOOPBACK = (
     "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
     '<Peers><Peer address="localhost"/></Peers></Discovery></Domain></CycloneDDS>'
 )
+
+
+ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+KINDS = {
+    "antenna_pose": "geometry_msgs/msg/PoseStamped",
+    "burst": "uavrt_interfaces/msg/Burst",
+    "pulse": "uavrt_interfaces/msg/Pulse",
+    "pulse_pose": "uavrt_interfaces/msg/PulsePose",
+    "release_tag_information": "std_msgs/msg/Bool",
+    "ros_discovery_info": "rmw_dds_common/msg/ParticipantEntitiesInfo",
+    "rosout": "rcl_interfaces/msg/Log",
+    "store_coded_tag_information": "uavrt_interfaces/msg/CodedTag",
+    "store_tag_information": "uavrt_interfaces/msg/Tag",
+}
+"""Type of each topic's messages; all others carry `ARRAY`."""
+KEPT = ("ros_discovery_info", "rosout")
+"""Topics whose publishers send to late readers what they published before."""
+
+
+def kind_of(topic: str) -> str:
+    """Type of the messages of a topic in any namespace."""
+    return KINDS.get(topic.rpartition("/")[2], ARRAY)
 
 
 class RosPeer:
@@ -62,16 +85,11 @@ class RosPeer:
 
         return np.asarray(values, dtype=np.float64)
 
-    def listen(
-        self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
-    ) -> Callable[[], list[bytes]]:
-        """Subscribe like `ros2 topic echo`; the result gives the bytes that came since."""
-        reader = self.reader(topic, type_name, prefix=prefix, keep=keep)
-        return lambda: [s.cdr for s in reader.take(1000) if hasattr(s, "cdr")]
+    def listen(self, topic: str) -> "Listener":
+        """Subscribe like `ros2 topic echo`."""
+        return Listener(self, topic)
 
-    def reader(
-        self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
-    ) -> Any:
+    def reader(self, topic: str) -> Any:
         """Get the reader itself."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.sub import DataReader
@@ -79,17 +97,14 @@ class RosPeer:
 
         qos = Qos(
             Policy.Reliability.Reliable(duration(seconds=1)),
-            Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
+            Policy.Durability.TransientLocal if topic in KEPT else Policy.Durability.Volatile,
             Policy.History.KeepLast(1000),
             Policy.DataRepresentation(use_cdrv0_representation=True),
         )
-        topic_entity = self._topic(prefix + topic, type_name)
-        return DataReader(self._participant, topic_entity, qos=qos)
+        return DataReader(self._participant, self._topic(topic), qos=qos)
 
-    def advertise(
-        self, topic: str, type_name: str, *, subscribers: int = 1, depth: int = 200
-    ) -> Any:
-        """Make a publisher like `ros2 topic pub -w N`; wait until so many listen."""
+    def advertise(self, *topics: str, subscribers: int = 1, depth: int = 200) -> None:
+        """Make publishers like `ros2 topic pub -w N`; wait until so many listen to each."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.util import duration
@@ -101,10 +116,14 @@ class RosPeer:
             Policy.DataRepresentation(use_cdrv0_representation=True),
             Policy.WriterDataLifecycle(autodispose=False),
         )
-        writer = DataWriter(self._participant, self._topic(f"rt/{topic}", type_name), qos=qos)
-        until(lambda: len(writer.get_matched_subscriptions()) >= subscribers)
-        self._writers[topic] = writer
-        return writer
+        for topic in topics:
+            self._writers[topic] = DataWriter(self._participant, self._topic(topic), qos=qos)
+
+        def heard() -> bool:
+            writers = [self._writers[topic] for topic in topics]
+            return all(len(one.get_matched_subscriptions()) >= subscribers for one in writers)
+
+        until(heard)
 
     def publish_bytes(self, topic: str, cdr: bytes) -> None:
         """Publish bytes as they are, sense or nonsense."""
@@ -139,9 +158,18 @@ class RosPeer:
         )
         return self.new("diagnostic_msgs/msg/DiagnosticArray", header, [status])
 
-    def read(self, cdr: bytes, type_name: str) -> Any:
-        """Read bytes as a message."""
-        return self.types.deserialize_cdr(cdr, type_name)
+    def release(self, *, now: bool = True) -> Any:
+        """Make what an operator publishes to release the tags."""
+        return self.new("std_msgs/msg/Bool", now)
+
+    def tag(self, tag: RosTag | None = None) -> Any:
+        """Make a tag to be stored; without one, a message that no tag can have."""
+        values = [0] * 9 if tag is None else [getattr(tag, name) for name in RosTag.__slots__]
+        return self.new("uavrt_interfaces/msg/Tag", *values)
+
+    def read(self, cdr: bytes, topic: str) -> Any:
+        """Read bytes as a message of a topic."""
+        return self.types.deserialize_cdr(cdr, kind_of(topic))
 
     def endpoints(self) -> dict[str, Any]:
         """All publishers on the network that are not ours, by the name of their topic."""
@@ -151,12 +179,13 @@ class RosPeer:
         own = self._participant.guid
         return {s.topic_name: s for s in reader.read(500) if s.participant_key != own}
 
-    def _topic(self, name: str, type_name: str) -> Any:
+    def _topic(self, topic: str) -> Any:
         from cyclonedds.topic import Topic
 
-        if name not in self._topics:
-            self._topics[name] = Topic(self._participant, name, self._struct(type_name))
-        return self._topics[name]
+        if topic not in self._topics:
+            name = topic if topic == "ros_discovery_info" else f"rt/{topic}"
+            self._topics[topic] = Topic(self._participant, name, self._struct(kind_of(topic)))
+        return self._topics[topic]
 
     def _struct(self, type_name: str) -> Any:
         """The DDS type of a message, made from the definitions that `rosbags` has."""
@@ -198,6 +227,36 @@ class RosPeer:
         self._writers.clear()
         self._topics.clear()
         del self._participant, self._domain
+
+
+class Listener:
+    """A subscription, and what came by it."""
+
+    def __init__(self, peer: RosPeer, topic: str) -> None:
+        self._peer, self._topic, self._reader = peer, topic, peer.reader(topic)
+
+    def __call__(self) -> list[bytes]:
+        """Bytes that came since."""
+        return [s.cdr for s in self._reader.take(1000) if hasattr(s, "cdr")]
+
+    def messages(self) -> list[Any]:
+        """Messages that came since."""
+        return [self._peer.read(cdr, self._topic) for cdr in self()]
+
+    def collect(self, complete: Callable[[list[bytes]], bool] = bool) -> list[bytes]:
+        """Wait until what came is complete; by default, until something did."""
+        found: list[bytes] = []
+
+        def enough() -> bool:
+            found.extend(self())
+            return bool(found) and complete(found)
+
+        until(enough)
+        return found
+
+    def newest(self) -> Any:
+        """Wait for something; the newest message."""
+        return self._peer.read(self.collect()[-1], self._topic)
 
 
 class _Raw:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.commands import SystemState
@@ -58,12 +59,6 @@ class Page:
 @pytest.fixture
 def session(tmp_path: Path) -> GroundSession:
     return GroundSession(GroundStore(tmp_path / "ground"), Clock.start())
-
-
-async def until(condition: Callable[[], object], timeout_s: float) -> None:
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.05)
 
 
 @pytest.mark.timeout(180)

@@ -6,16 +6,16 @@ The bar: 0.5° rms, 1.5° at most, over turns at 30°/s.
 import asyncio
 import math
 import os
-import sqlite3
 import time
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import made
 import pytest
 from some import some
+from sql import sql
 from tests.flight.conftest import FLIGHT_RATE_HZ
+from until import until_async as until
 
 from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
@@ -43,8 +43,7 @@ BEFORE_S = -7200
 
 
 def status_texts(directory: Path) -> list[tuple[int, str]]:
-    with closing(sqlite3.connect(directory / "flight.sqlite")) as database:
-        return database.execute("SELECT severity, text FROM status_texts").fetchall()
+    return sql(directory, "SELECT severity, text FROM status_texts")
 
 
 def turning_scenario(duration_s: float) -> Scenario:
@@ -113,17 +112,12 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
         step.write_text(str(BEFORE_S))
         started_s.append(time.time())
         await link.start_detection()
-        async with asyncio.timeout(60.0):
-            while len(received) < 12:  # noqa: ASYNC110
-                await asyncio.sleep(0.1)
-            step.write_text(str(BEFORE_S + 3600))
-            while len(received) < 24:  # noqa: ASYNC110
-                await asyncio.sleep(0.1)
+        await until(lambda: len(received) >= 12)
+        step.write_text(str(BEFORE_S + 3600))
+        await until(lambda: len(received) >= 24)
         before = len(received)
         some(link.link).send(FrameWriter(255, 190).encode(reboot()))
-        async with asyncio.timeout(60.0):
-            while len(received) < before + 24:  # noqa: ASYNC110
-                await asyncio.sleep(0.1)
+        await until(lambda: len(received) >= before + 24)
         await link.stop_detection()
         await asyncio.sleep(3.0)
         task.cancel()

@@ -3,13 +3,13 @@
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import launched
 from some import some
 from tests.flight.test_delivery import CODED_TAG
 from until import until
@@ -22,9 +22,6 @@ from uavrt.ros2.convert import tag_to_ros
 
 pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(150)]
 
-ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
-BURST = "uavrt_interfaces/msg/Burst"
-PULSE_POSE = "uavrt_interfaces/msg/PulsePose"
 
 SUBSCRIBER = """
 import sys
@@ -40,19 +37,10 @@ sys.stdin.read()
 @pytest.fixture
 def subscriber(ros_domain: int) -> Iterator[subprocess.Popen[str]]:
     """A reliable subscriber in a process of its own."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", SUBSCRIBER, str(ros_domain)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "listening\n"
-    yield process
-    process.kill()
-    process.wait()
-    process.stdout.close()
-    some(process.stdin).close()
+    with launched("-c", SUBSCRIBER, str(ros_domain), stdin=subprocess.PIPE) as process:
+        assert some(process.stdout).readline() == "listening\n"
+        yield process
+        process.kill()
 
 
 class Watch:
@@ -86,8 +74,8 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
 ) -> None:
     scenario = replace(full_rate_scenario, tag=(*full_rate_scenario.tag, CODED_TAG))
     drone = drone_bay.launch(scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain))
-    watch = Watch(drone, ros_peer.listen("pulse_pose", PULSE_POSE))
-    bursts = ros_peer.listen("burst", BURST)
+    watch = Watch(drone, ros_peer.listen("pulse_pose"))
+    bursts = ros_peer.listen("burst")
 
     def seen(condition: Callable[[], object]) -> None:
         def look() -> bool:
@@ -97,19 +85,13 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
         until(look, 60.0)
 
     # Tags and start come from ROS 2 alone.
-    for topic, name in (
-        ("store_tag_information", "uavrt_interfaces/msg/Tag"),
-        ("store_coded_tag_information", "uavrt_interfaces/msg/CodedTag"),
-        ("release_tag_information", "std_msgs/msg/Bool"),
-        ("control_start_subprocess", ARRAY),
-        ("control_stop_subprocess", ARRAY),
-    ):
-        # The drone and the other subscriber.
-        ros_peer.advertise(topic, name, subscribers=2)
+    ros_peer.advertise(
+        *("store_tag_information", "store_coded_tag_information", "release_tag_information"),
+        *("control_start_subprocess", "control_stop_subprocess"),
+        subscribers=2,  # the drone and the other subscriber
+    )
     for tag in scenario.tags:
-        ours = tag_to_ros(tag)
-        values = [getattr(ours, name) for name in type(ours).__slots__]
-        message = ros_peer.new("uavrt_interfaces/msg/Tag", *values)
+        message = ros_peer.tag(tag_to_ros(tag))
         if tag.coded:
             gaps = np.array([1e3 * gap_s for gap_s in tag.gaps_s])
             message = ros_peer.new("uavrt_interfaces/msg/CodedTag", message, gaps)
@@ -117,15 +99,15 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
         else:
             ros_peer.publish("store_tag_information", message)
     seen(lambda: watch.state() is SystemState.RECEIVING_TAGS)
-    ros_peer.publish("release_tag_information", ros_peer.new("std_msgs/msg/Bool", True))
+    ros_peer.publish("release_tag_information", ros_peer.release())
     seen(lambda: watch.state() is SystemState.HAS_TAGS)
     ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     seen(lambda: len(watch.heard) >= 3)
 
     # A coded tag's burst is a pulse, and besides what is inside.
-    inside: list[bytes] = []
-    seen(lambda: inside.extend(bursts()) or inside)  # type: ignore[func-returns-value]
-    burst = ros_peer.read(inside[0], BURST)
+    inside: list[Any] = []
+    seen(lambda: inside.extend(bursts.messages()) or inside)  # type: ignore[func-returns-value]
+    burst = inside[0]
     at_s = [one.sec + 1e-9 * one.nanosec for one in burst.starts]
     assert np.diff(at_s) == pytest.approx(CODED_TAG.gaps_s, abs=1e-3)
     assert burst.pulse.tag_id == CODED_TAG.tag_id
@@ -133,9 +115,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     # A subscriber stops, a publisher goes wild, the gateway is killed.
     subscriber.send_signal(signal.SIGSTOP)
     for _ in range(3000):
-        ros_peer.publish(
-            "store_tag_information", ros_peer.new("uavrt_interfaces/msg/Tag", *([0] * 9))
-        )
+        ros_peer.publish("store_tag_information", ros_peer.tag())
         ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     heard = len(watch.heard)
     seen(lambda: len(watch.heard) >= heard + 3)
@@ -155,7 +135,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     seen(lambda: watch.state() is SystemState.HAS_TAGS)
     recorded = read_flight(directory or "")
     starts_ns = {item.pulse.start_time_ns for item in recorded.pulse_poses}
-    told = [ros_peer.read(cdr, PULSE_POSE) for cdr in watch.heard]
+    told = [ros_peer.read(cdr, "pulse_pose") for cdr in watch.heard]
     for message in told:
         time = message.pulse.start_time
         assert time.sec * 10**9 + time.nanosec in starts_ns

@@ -219,20 +219,8 @@ def two_computers() -> Iterator[tuple[str, str]]:
     try:
         for name in names:
             ip("netns", "add", name)
-        ip(
-            "link",
-            "add",
-            "eth0",
-            "netns",
-            names[0],
-            "type",
-            "veth",
-            "peer",
-            "name",
-            "eth0",
-            "netns",
-            names[1],
-        )
+        cable = f"link add eth0 netns {names[0]} type veth peer name eth0 netns {names[1]}"
+        ip(*cable.split())
         for number, name in enumerate(names, 1):
             ip("-n", name, "address", "add", f"10.99.7.{number}/24", "dev", "eth0")
             ip("-n", name, "link", "set", "eth0", "up")

@@ -16,16 +16,6 @@ from uavrt.ros2.convert import tag_to_ros
 
 pytestmark = [pytest.mark.timeout(150)]
 
-ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
-
-
-def order(ros_peer: Any, what: str, **values: str) -> Any:
-    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
-    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
-    pairs = [ros_peer.new("diagnostic_msgs/msg/KeyValue", *pair) for pair in values.items()]
-    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", pairs)
-    return ros_peer.new(ARRAY, header, [status])
-
 
 def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_list_fly(
     drone_bay: Any, thesis_scenario: Any, ros_domain: int, ros_peer: Any
@@ -33,33 +23,24 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
     drone = drone_bay.launch(
         thesis_scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain)
     )
-    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    logs = ros_peer.listen("rosout")
     lines: list[str] = []
     status: list[SystemStatus] = []
 
     def seen(condition: Callable[[], object]) -> None:
         def look() -> bool:
             status.extend(r for _, r in drone.status.read(0.2) if isinstance(r, SystemStatus))
-            lines.extend(ros_peer.read(cdr, "rcl_interfaces/msg/Log").msg for cdr in logs())
+            lines.extend(line.msg for line in logs.messages())
             return bool(status) and bool(condition())
 
         until(look, 60.0)
 
     def advertise() -> None:
-        for topic, name in (
-            ("store_tag_information", "uavrt_interfaces/msg/Tag"),
-            ("release_tag_information", "std_msgs/msg/Bool"),
-            ("control_start_subprocess", ARRAY),
-            ("control_stop_subprocess", ARRAY),
-        ):
-            ros_peer.advertise(topic, name)
+        ros_peer.advertise("store_tag_information", "release_tag_information")
+        ros_peer.advertise("control_start_subprocess", "control_stop_subprocess")
 
     def send(tag: Tag) -> None:
-        ours = tag_to_ros(tag)
-        values = [getattr(ours, name) for name in type(ours).__slots__]
-        ros_peer.publish(
-            "store_tag_information", ros_peer.new("uavrt_interfaces/msg/Tag", *values)
-        )
+        ros_peer.publish("store_tag_information", ros_peer.tag(tag_to_ros(tag)))
 
     def gateway() -> int | None:
         pid: int | None = next(p.pid for p in status[-1].processes if p.process == "ros2")
@@ -70,7 +51,7 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
         assert old is not None
         os.kill(old, signal.SIGKILL)
         seen(lambda: gateway() not in (None, old))
-        nodes_up = ros_peer.listen("status_detector_subprocess", ARRAY)
+        nodes_up = ros_peer.listen("status_detector_subprocess")
         seen(nodes_up)
         advertise()
 
@@ -80,7 +61,7 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
         replace(first, tag_id=number, frequency_hz=first.frequency_hz + 5e3 * number)
         for number in (4, 6)
     )
-    release = ros_peer.new("std_msgs/msg/Bool", True)
+    release = ros_peer.release()
     send(first)
     seen(lambda: len(status[-1].tags) == 1)
     kill_gateway()  # and so the second tag is lost
@@ -96,7 +77,7 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
         lines.clear()
         seen(
             lambda: (
-                ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+                ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
                 or any("only 2 of 3 tags came" in line for line in lines)
             )
         )
@@ -105,10 +86,10 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
     for tag in (first, second, third):
         send(tag)
     ros_peer.publish("release_tag_information", release)
-    impossible = order(ros_peer, "start", center_frequency="148705000")
+    impossible = ros_peer.order("start", center_frequency="148705000")
     ros_peer.publish("control_start_subprocess", impossible)
     seen(lambda: any("20 to 1000 MHz" in line for line in lines))
     assert status[-1].state is SystemState.HAS_TAGS
-    ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+    ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     seen(lambda: status[-1].state is SystemState.DETECTING)
     assert len(status[-1].tags) == 3

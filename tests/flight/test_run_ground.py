@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import launched
+from some import some
 
 from uavrt.ground.store.tag_table import rows_from_tags
 from uavrt.recording.flight_order import flights_in_order
@@ -52,24 +54,18 @@ def asked(
 @contextmanager
 def companion(directory: Path) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
     """The two run there; gives the page's address and what runs them."""
-    running = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "run", "--ground"),
-            *("--ground-port", "0", "--no-browser"),
-        ],
+    running = launched(
+        *("-m", "uavrt.cli", "run", "--ground", "--ground-port", "0", "--no-browser"),
         cwd=directory,
-        stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        text=True,
     )
-    assert running.stdout is not None
     try:
-        yield running.stdout.readline().split()[4], running
+        yield some(running.stdout).readline().split()[4], running
     finally:
         if running.poll() is None:
             running.terminate()
             running.wait(60)
-        running.stdout.close()
+        some(running.stdout).close()
 
 
 def test_what_the_page_receives_lies_beside_the_drones_flight_under_its_name(

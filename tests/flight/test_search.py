@@ -89,13 +89,12 @@ def test_demos_say_that_a_search_was_cut_short(tmp_path: Path) -> None:
 
 def notes_until_the_end(field: Field) -> tuple[SearchNote, ...]:
     (flight,) = (field.drone.directory / "flights").glob("flight_log_*")
-    end_s = time.monotonic() + 20.0
-    while True:
-        notes = read_search_notes(flight)
-        if notes and notes[-1].event == "ended":
-            return notes
-        assert time.monotonic() < end_s
-        time.sleep(0.5)
+
+    def notes() -> tuple[SearchNote, ...]:
+        return read_search_notes(flight)
+
+    until(lambda: notes() and notes()[-1].event == "ended")
+    return notes()
 
 
 def test_it_finds_an_animal_and_returns(drone_bay: DroneBay, tmp_path: Path) -> None:

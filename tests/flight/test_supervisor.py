@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from until import until
 
 from uavrt.config.settings import MavlinkSettings
 from uavrt.messages import SystemStatus
@@ -149,10 +150,7 @@ def test_without_autopilot_and_ground_it_detects_and_records_and_needs_no_helper
     family = descendants(drone.supervisor.pid)
     assert len(family) >= 5
     os.kill(drone.supervisor.pid, signal.SIGKILL)
-    deadline_s = time.monotonic() + 10.0
-    while any(alive(pid) for pid in family) and time.monotonic() < deadline_s:
-        time.sleep(0.05)
-    assert not [pid for pid in family if alive(pid)]
+    until(lambda: not any(map(alive, family)), 10.0)
     flight = read_flight(status.flight_directory or "")
     assert flight.pulse_poses
     assert all(item.pose is None for item in flight.pulse_poses)

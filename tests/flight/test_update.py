@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import program
 from update_maker import (
     digest_below,
     make_installation,
@@ -65,15 +66,15 @@ class Drone:
 
     def _start(self, module: str, *words: str) -> "subprocess.Popen[bytes]":
         with open(self._log, "ab") as log:
-            program = subprocess.Popen(
+            one = subprocess.Popen(
                 [sys.executable, "-m", module, *words],
                 cwd=self.directory,
                 stdout=log,
                 stderr=log,
                 start_new_session=True,
             )
-        self._programs.append(program)
-        return program
+        self._programs.append(one)
+        return one
 
     def _fly(self, *, armed: bool) -> "subprocess.Popen[bytes]":
         words = ["--scenario", str(self._scenario), "--companion", f"127.0.0.1:{self._port}"]
@@ -87,16 +88,10 @@ class Drone:
         self._autopilot = self._fly(armed=False)
 
     def update(self, wheel: Path) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [
-                *(str(self.prefix / "venv/bin/uavrt"), "update", str(wheel)),
-                *("--restart", f"{sys.executable} restart.py {self._log}"),
-                *("--hold-s", "4", "--patience-s", "12"),
-            ],
+        return program(
+            *(self.prefix / "venv/bin/uavrt", "update", wheel, "--hold-s", "4"),
+            *("--restart", f"{sys.executable} restart.py {self._log}", "--patience-s", "12"),
             cwd=self.directory,
-            capture_output=True,
-            text=True,
-            check=False,
         )
 
     def version(self) -> str:
@@ -115,10 +110,10 @@ class Drone:
         return False
 
     def close(self) -> None:
-        for program in reversed(self._programs):
-            if program.poll() is None:
-                os.killpg(program.pid, signal.SIGTERM)
-                program.wait()
+        for one in reversed(self._programs):
+            if one.poll() is None:
+                os.killpg(one.pid, signal.SIGTERM)
+                one.wait()
 
 
 def _argument0(pid: int) -> str:

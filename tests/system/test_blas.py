@@ -1,11 +1,10 @@
 """What NumPy's linear algebra is told, as a process finds it."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 
 from uavrt.blas import blas_environment
 from uavrt.supervisor.start.launcher import Launcher
@@ -20,12 +19,7 @@ def test_processes_of_a_flight_compute_as_the_command_line_does(
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     for name in names:
         monkeypatch.delenv(name, raising=False)
-    here = subprocess.run(
-        [sys.executable, "-c", f"import uavrt.cli.one_thread\n{tell}"],
-        capture_output=True,
-        check=True,
-        text=True,
-    ).stdout
+    here = python("-c", f"import uavrt.cli.one_thread\n{tell}", check=True).stdout
     there = tmp_path / "there"
     with there.open("wb") as output:
         pid = Launcher().start(

@@ -1,11 +1,11 @@
 """The unit as systemd examines it, and this computer as the doctor does."""
 
 import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_line import program
 from tests.unit.test_computer import PLAN, bench_settings
 
 from uavrt.computer.checks import examine
@@ -18,19 +18,9 @@ def test_systemd_finds_the_unit_well_confined_and_without_faults(tmp_path: Path)
     unit = tmp_path / "uavrt.service"
     plan = replace(PLAN, program=Path("/bin/true"), user="root", directory=Path("/var/lib"))
     unit.write_text(unit_text(plan))
-    exposure = subprocess.run(
-        ["systemd-analyze", "security", "--offline=yes", "--threshold=30", str(unit)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    exposure = program("systemd-analyze", "security", "--offline=yes", "--threshold=30", unit)
     assert exposure.returncode == 0, exposure.stdout[-200:] + exposure.stderr
-    verified = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", str(unit)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    verified = program("systemd-analyze", "verify", "--man=no", unit)
     assert "uavrt.service" not in verified.stderr, verified.stderr
 
 

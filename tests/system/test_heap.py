@@ -1,10 +1,9 @@
 """What a busy moment took of the memory of a process is given back."""
 
 import platform
-import subprocess
-import sys
 
 import pytest
+from command_line import python
 
 BUSY_MOMENT = """
 import os
@@ -28,9 +27,7 @@ print(full_mb - before_mb, full_mb - own_usage(os.getpid()).memory_mb, len(last)
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="glibc alone keeps such holes")
 def test_holes_in_the_heap_go_back_to_the_system() -> None:
-    said = subprocess.run(
-        [sys.executable, "-c", BUSY_MOMENT], capture_output=True, text=True, check=True
-    ).stdout
+    said = python("-c", BUSY_MOMENT, check=True).stdout
     taken_mb, given_back_mb, _ = map(float, said.split())
     assert taken_mb > 30.0
     assert given_back_mb > 30.0
@@ -57,9 +54,7 @@ print(scattered, pools_of_new_ones(), len(filling))
 
 
 def test_after_a_filling_new_objects_stay_together() -> None:
-    said = subprocess.run(
-        [sys.executable, "-c", NEW_OBJECTS], capture_output=True, text=True, check=True
-    ).stdout
+    said = python("-c", NEW_OBJECTS, check=True).stdout
     scattered, together, filling = map(int, said.split())
     assert scattered > 20
     assert together <= 4

@@ -115,13 +115,7 @@ def test_a_root_is_configured_again_without_root_rights(
             os.chown(path, NOBODY, NOBODY, follow_symlinks=False)
     found = []
     for name in ("lynx-1", "lynx-1", "lynx-2"):
-        done = subprocess.run(
-            [str(script), str(there), name],
-            capture_output=True,
-            text=True,
-            check=False,
-            **other,  # type: ignore[call-overload]
-        )
+        done = program(script, there, name, **other)
         assert (done.returncode, done.stderr) == (0, "")
         found.append(contents(there))
     assert found[0] == found[1]

@@ -4,14 +4,13 @@ import importlib.util
 import os
 import re
 import shutil
-import subprocess
-import sys
 import sysconfig
 from pathlib import Path
 
 import numpy as np
 import pytest
 from by_path import module_at
+from command_line import python
 from tests.unit.test_native import ROOT
 
 from uavrt import native
@@ -19,13 +18,7 @@ from uavrt import native
 
 def run_python(*lines: str, pure: str) -> str:
     environment = {**os.environ, "UAVRT_PURE": pure}
-    finished = subprocess.run(
-        [sys.executable, "-c", "\n".join(lines)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    finished = python("-c", "\n".join(lines), env=environment, check=True)
     return finished.stdout.strip()
 
 

@@ -3,12 +3,11 @@
 import os
 import re
 import shutil
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
+from command_line import python
 
 TESTS = Path(__file__).parents[1]
 TRIED = """
@@ -85,13 +84,10 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     shutil.copy(TESTS / "unit" / "conftest.py", folder)
     (folder / "test_tried.py").write_text(TRIED)
     begun_s = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", str(folder)],
+    done = python(
+        *("-m", "pytest", "-v", "-p", "no:cacheprovider", folder),
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(TESTS / "drivers")},
-        capture_output=True,
-        text=True,
-        check=False,
     )
     found = dict(re.findall(r"::test_(\w+) (PASSED|FAILED|ERROR)", done.stdout))
     assert time.monotonic() - begun_s < 600.0, "an hour was waited for"

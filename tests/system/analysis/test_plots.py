@@ -1,8 +1,8 @@
 """What plots cost a program that lacks Matplotlib."""
 
-import subprocess
-import sys
 from pathlib import Path
+
+from command_line import python
 
 
 def test_without_matplotlib_the_remedy_is_said(tmp_path: Path) -> None:
@@ -14,12 +14,6 @@ def test_without_matplotlib_the_remedy_is_said(tmp_path: Path) -> None:
         "try:\n    DetectionPlots(Path(sys.argv[1]), [])\n"
         "except UsageError as error:\n    print(error)\n"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "x")],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
+    run = python("-c", code, tmp_path / "x", check=True, timeout=60)
     assert "uavrt[analysis]" in run.stdout
     assert not (tmp_path / "x").exists()

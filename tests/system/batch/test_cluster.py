@@ -13,6 +13,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
+from command_line import launched
+from until import until
 
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch import cluster
@@ -50,10 +52,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     place = ("--host", "127.0.0.1", "--scheduler-file", str(file), "--no-dashboard")
     programs = [start("scheduler", *place, "--port", "0")]
     try:
-        until_s = time.monotonic() + 60.0
-        while not file.is_file():
-            assert time.monotonic() < until_s
-            time.sleep(0.05)
+        until(file.is_file, 60.0)
         how = ("--no-nanny", "--nthreads", "1", "--nworkers", "1")
         programs += [start("worker", *place, *how) for _ in range(WORKERS)]
         import distributed
@@ -160,27 +159,21 @@ def test_a_scheduler_without_workers_is_named_and_ctrl_c_ends_the_wait(
 ) -> None:
     (archive / "tags.txt").write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
     file = tmp_path / "scheduler.json"
-    lonely = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"),
-            *("--port", "0", "--no-dashboard", "--scheduler-file", str(file)),
-        ],
+    lonely = launched(
+        *("-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"),
+        *("--no-dashboard", "--scheduler-file", file),
+        stdout=None,
         stderr=subprocess.DEVNULL,
     )
     try:
-        until_s = time.monotonic() + 60.0
-        while not file.is_file():
-            assert time.monotonic() < until_s
-            time.sleep(0.05)
+        until(file.is_file, 60.0)
         address = json.loads(file.read_text())["address"]
-        batch = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "uavrt.cli", "batch", str(archive)),
-                *("--tags", str(archive / "tags.txt"), "-o", str(tmp_path / "out")),
-                *("--manifest", str(archive / "manifest.csv"), "--scheduler", address),
-            ],
+        batch = launched(
+            *("-m", "uavrt.cli", "batch", archive, "--tags", archive / "tags.txt"),
+            *("-o", tmp_path / "out", "--manifest", archive / "manifest.csv"),
+            *("--scheduler", address),
+            stdout=None,
             stderr=subprocess.PIPE,
-            text=True,
         )
         assert batch.stderr is not None
         said = next(line for line in batch.stderr if "no worker" in line)

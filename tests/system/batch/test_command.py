@@ -3,15 +3,14 @@
 import os
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 from archived import TAGS as ARCHIVED
 from archived import record
-from command_line import uavrt
+from command_line import launched, uavrt
+from until import until
 
 from uavrt.analysis.measure.tag_source import read_tag_source
 from uavrt.batch.recordings import find_recordings, read_manifest
@@ -35,14 +34,12 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def start(archive: Path, output: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "batch", str(archive), "--workers", "2"),
-            *("--tags", str(archive / "tags.txt"), "--manifest", str(archive / "manifest.csv")),
-            *("--cell", "60", "--lead-in", "20", "-o", str(output)),
-        ],
+    return launched(
+        *("-m", "uavrt.cli", "batch", archive, "--workers", "2", "-o", output),
+        *("--tags", archive / "tags.txt", "--manifest", archive / "manifest.csv"),
+        *("--cell", "60", "--lead-in", "20"),
+        stdout=None,
         stderr=subprocess.PIPE,
-        text=True,
         start_new_session=True,
     )
 
@@ -65,10 +62,7 @@ def test_a_start_taken_from_the_files_date_is_told(
 
 def wait_for_a_cell(output: Path, before: int) -> None:
     """Wait until one more is done."""
-    until_s = time.monotonic() + 100.0
-    while len(list(output.glob("unfinished/*/[0-9]*"))) <= before:
-        assert time.monotonic() < until_s
-        time.sleep(0.02)
+    until(lambda: len(list(output.glob("unfinished/*/[0-9]*"))) > before, 100.0)
 
 
 def test_a_batch_that_is_stopped_and_killed_gives_the_same_in_the_end(

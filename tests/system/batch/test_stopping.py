@@ -3,12 +3,12 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 from archived import TAGS, record
+from command_line import launched
 from past_flight import write_flight
 
 from uavrt.cli.detect import stop_on_signals
@@ -46,13 +46,11 @@ def test_ctrl_c_ends_each_stage_in_two_seconds(
     (tmp_path / "tags.txt").write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
     record(folder / "gqrx_20260501_060000_148700000_24000_fc.raw", 60.0, 1, tags=TAGS[:1])
     write_flight(folder, 120.0, 300.0)
-    program = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "batch", str(folder), "--workers", workers),
-            *("--tags", str(tmp_path / "tags.txt"), "-o", str(tmp_path / "out")),
-        ],
+    program = launched(
+        *("-m", "uavrt.cli", "batch", folder, "--workers", workers),
+        *("--tags", tmp_path / "tags.txt", "-o", tmp_path / "out"),
+        stdout=None,
         stderr=subprocess.PIPE,
-        text=True,
         start_new_session=True,
     )
     assert program.stderr is not None

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from page_driver import Ground, Scene, Watched
 from willing_drone import WillingDrone
 
 from uavrt.processes import ground_status
@@ -27,3 +28,13 @@ def willing(
     yield make
     for drone in drones:
         drone.close()
+
+
+@pytest.fixture
+def scene(
+    tmp_path: Path,
+    start_ground: Callable[..., Ground],
+    watch: Callable[..., Watched],
+    willing: Callable[..., WillingDrone],
+) -> Scene:
+    return Scene(tmp_path, start_ground, watch, willing)

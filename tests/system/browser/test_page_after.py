@@ -1,12 +1,11 @@
 """A past flight in the page: what its samples say, and where a silent tag is not."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from page_driver import Ground, Watched, colour_at
+from page_driver import Scene, colour_at, open_flight
 from past_flight import PLANE, TAG, write_flight
 from playwright.sync_api import expect
 
@@ -92,19 +91,14 @@ def integrated(directory: Path) -> None:
     write_integrated(directory, [twice, found, missing], pulses, [fold])
 
 
-def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    here = tmp_path / "ground"
-    here.mkdir()
+def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Scene) -> None:
+    here = scene.here
     flight = write_flight(here, 120.0, 300.0, (SILENT, MISSING))
     integrated(here / flight)
-    ground = start_ground(tmp_path, 0)
-    watched = watch(ground.address, color_scheme="light")
+    watched = scene.watch()
     page = watched.page
     expect(page.locator("#show-after")).to_be_hidden()
-    page.click("#tab-flights")
-    page.locator(f'tr[data-flight="{flight}"] .open-flight').click()
+    open_flight(page, flight)
     page.click("#show-after")
     verdicts = page.locator("#verdicts li")
     expect(verdicts).to_have_count(3)

@@ -1,36 +1,24 @@
 """The page lists what beeps beside the listed tags; one press corrects the list."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import made
 import pytest
-from page_driver import WAIT_MS, Ground, Watched
+from page_driver import WAIT_MS, Scene
 from playwright.sync_api import expect
 from until import until
-from willing_drone import WillingDrone
 
 from uavrt.config.tag_files import read_tags, write_tags
-from uavrt.demo.programs import free_udp_port
 from uavrt.messages import BeepKind
 from world import THESIS_TAG
 
 pytestmark = pytest.mark.timeout(240)
 
 
-def test_a_wrong_label_is_shown_and_corrected_by_one_press_and_undone_by_another(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
+def test_a_wrong_label_is_corrected_by_one_press_and_undone_by_another(
+    scene: Scene,
 ) -> None:
-    here = tmp_path / "ground"
-    here.mkdir()
-    write_tags(here / "tags.toml", [THESIS_TAG])
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = willing(port)
-    watched = watch(ground.address, color_scheme="light")
+    write_tags(scene.here / "tags.toml", [THESIS_TAG])
+    drone = scene.drone()
+    watched = scene.watch()
     page = watched.page
     page.click("#act-send_tags")
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent", timeout=WAIT_MS)
@@ -59,7 +47,7 @@ def test_a_wrong_label_is_shown_and_corrected_by_one_press_and_undone_by_another
     expect(box).to_contain_text(
         "tag 2: 148.710640 MHz, was 148.710000 MHz", timeout=4 * WAIT_MS
     )
-    assert read_tags(here / "tags.toml")[0].frequency_hz == 148_710_640.0
+    assert read_tags(scene.here / "tags.toml")[0].frequency_hz == 148_710_640.0
     until(lambda: drone.world.mission.tags[2].frequency_hz == 148_710_640.0)
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     watched.picture("beeps-corrected")
@@ -70,20 +58,11 @@ def test_a_wrong_label_is_shown_and_corrected_by_one_press_and_undone_by_another
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
 
 
-def test_an_offset_of_all_tags_is_shown_with_one_button_for_the_receiver(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-) -> None:
-    here = tmp_path / "ground"
-    here.mkdir()
+def test_an_offset_of_all_tags_is_shown_with_one_button_for_the_receiver(scene: Scene) -> None:
     tags = [made.tag(2, 148_710_000.0), made.tag(4, 148_760_000.0)]
-    write_tags(here / "tags.toml", tags)
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = willing(port)
-    page = watch(ground.address, color_scheme="light").page
+    write_tags(scene.here / "tags.toml", tags)
+    drone = scene.drone()
+    page = scene.watch().page
     for action in ("send_tags", "start"):
         page.click(f"#act-{action}")
     expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)

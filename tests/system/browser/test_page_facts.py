@@ -1,23 +1,17 @@
 """Who flew what, and what headings are trusted to: told in the set-up, seen in the report."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
-from page_driver import WAIT_MS, Ground, Watched
+from page_driver import WAIT_MS, Scene
 from past_flight import write_flight
 from playwright.sync_api import expect
 
 pytestmark = pytest.mark.timeout(240)
 
 
-def test_what_the_set_up_tells_stands_in_the_report(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    here = tmp_path / "ground"
-    here.mkdir()
+def test_what_the_set_up_tells_stands_in_the_report(scene: Scene) -> None:
+    here = scene.here
     flight = write_flight(here, 120.0, 300.0)
-    watched = watch(start_ground(tmp_path).address)
+    watched = scene.watch()
     page = watched.page
     page.click("#tab-setup")
     for field, text in (

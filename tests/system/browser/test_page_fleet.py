@@ -1,33 +1,23 @@
 """Two vehicles on the page: each served, shown and commanded by itself."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
-from page_driver import Ground, Watched
+from page_driver import Scene
 from playwright.sync_api import expect
-from willing_drone import WillingDrone
 
 from uavrt.commands import SystemState
-from uavrt.demo.programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(150)
 
 
-def test_a_second_vehicle_is_served_seen_and_stopped_without_touching_the_first(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
+def test_a_second_vehicle_is_served_and_stopped_without_touching_the_first(
+    scene: Scene,
 ) -> None:
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    first = willing(port)
-    watched = watch(ground.address, color_scheme="light")
+    first = scene.drone()
+    watched = scene.watch()
     page = watched.page
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm")
     expect(page.locator("#vehicles")).to_be_hidden()
-    second = willing(port, system_id=2)
+    second = scene.drone(system_id=2)
     first.state = second.state = SystemState.DETECTING
     page.click('.serve-vehicle[data-vehicle="2"]')
     expect(page.locator(".chip.vehicle")).to_have_count(2)
@@ -53,20 +43,15 @@ def test_a_second_vehicle_is_served_seen_and_stopped_without_touching_the_first(
     expect(page.locator("#chip-state")).to_have_text("Detecting")
 
 
-def test_all_vehicles_are_started_and_stopped_at_once_and_each_answer_is_shown(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
+def test_all_vehicles_are_started_and_stopped_and_each_answer_is_shown(
+    scene: Scene,
 ) -> None:
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    first = willing(port)
-    watched = watch(ground.address, color_scheme="light")
+    first = scene.drone()
+    watched = scene.watch()
     page = watched.page
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm")
     expect(page.locator("#to-all")).to_be_hidden()
-    second = willing(port, system_id=2)
+    second = scene.drone(system_id=2)
     page.click('.serve-vehicle[data-vehicle="2"]')
     expect(page.locator("#to-all")).to_be_visible()
     first.state = SystemState.HAS_TAGS

@@ -2,20 +2,16 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from page_driver import Ground, Watched, axe_findings
+from page_driver import Scene, axe_findings
 from page_texts import GOES_ON, filled_forms, told
 from past_flight import write_flight
 from PIL import Image
 from playwright.sync_api import Page, expect
-from willing_drone import WillingDrone
 from zxingcpp import read_barcodes
-
-from uavrt.demo.programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(240)
 
@@ -40,18 +36,13 @@ SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40
 
 
 @pytest.fixture
-def station(
-    start_ground: Callable[..., Ground], willing: Callable[..., WillingDrone], tmp_path: Path
-) -> str:
-    """Address of a station with two past flights, a tag and a drone that is heard."""
-    here = tmp_path / "ground"
-    here.mkdir()
+def station(scene: Scene) -> Scene:
+    """A station with two past flights, a tag and a drone that is heard."""
+    here = scene.here
     for east_m in (120.0, 150.0):
         write_flight(here, east_m, 300.0)
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    willing(port)
-    return ground.address
+    scene.drone()
+    return scene
 
 
 def ready(page: Page) -> None:
@@ -99,9 +90,9 @@ def states(page: Page) -> Iterator[str]:
 
 @pytest.mark.parametrize(("scheme", "locale"), [("light", "en-US"), ("dark", "de-DE")])
 def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_language(
-    watch: Callable[..., Watched], station: str, scheme: str, locale: str
+    station: Scene, scheme: str, locale: str
 ) -> None:
-    watched = watch(station, color_scheme=scheme, locale=locale, plain_map=False)
+    watched = station.watch(color_scheme=scheme, locale=locale, plain_map=False)
     page = watched.page
     expect(page.locator("html")).to_have_attribute("lang", locale[:2])
     ready(page)
@@ -119,9 +110,9 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_la
 
 
 def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
+    scene: Scene,
 ) -> None:
-    watched = watch(start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False)
+    watched = scene.watch(locale="de-DE", plain_map=False)
     page = watched.page
     page.click("#tab-flights")
     page.click("#season-show")
@@ -130,10 +121,8 @@ def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
     assert page.evaluate("() => [...window.uavrt.missing]") == []
 
 
-def test_the_page_finds_the_words_that_the_tests_find(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    watched = watch(start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False)
+def test_the_page_finds_the_words_that_the_tests_find(scene: Scene) -> None:
+    watched = scene.watch(locale="de-DE", plain_map=False)
     texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
     texts += [
         "no answer about x. Nobody has words for this",
@@ -151,10 +140,8 @@ def test_the_page_finds_the_words_that_the_tests_find(
     assert [(words, left) for words, left in said] == ours
 
 
-def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
-    watch: Callable[..., Watched], station: str
-) -> None:
-    watched = watch(station, color_scheme="light", plain_map=False)
+def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(station: Scene) -> None:
+    watched = station.watch(plain_map=False)
     page = watched.page
     ready(page)
     lost: list[tuple[str, str]] = []
@@ -175,10 +162,8 @@ def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
     assert not dark
 
 
-def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
-    watch: Callable[..., Watched], station: str
-) -> None:
-    watched = watch(station, color_scheme="light", plain_map=False)
+def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(station: Scene) -> None:
+    watched = station.watch(plain_map=False)
     page = watched.page
     ready(page)
     page.focus("#tab-setup")
@@ -203,10 +188,10 @@ def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
 
 
 def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
-    watch: Callable[..., Watched], station: str
+    station: Scene,
 ) -> None:
     """Each move begins with a coarser picture, which must not be drawn within a frame."""
-    watched = watch(station, color_scheme="light", plain_map=False)
+    watched = station.watch(plain_map=False)
     page = watched.page
     page.click("#tab-fly")
     page.evaluate(SLOW_FRAMES)
@@ -219,10 +204,8 @@ def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
     assert not watched.errors
 
 
-def test_the_language_that_is_chosen_is_kept(
-    watch: Callable[..., Watched], station: str
-) -> None:
-    watched = watch(station, color_scheme="light", locale="de-DE", plain_map=False)
+def test_the_language_that_is_chosen_is_kept(station: Scene) -> None:
+    watched = station.watch(locale="de-DE", plain_map=False)
     page = watched.page
     expect(page.locator("#tab-setup")).to_have_text("Einrichten")
     page.click("#tab-setup")
@@ -234,16 +217,14 @@ def test_the_language_that_is_chosen_is_kept(
 
 
 def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wi_fi = "WIFI:T:WPA;S:lynx-1;P:k7m2p9x4w3q8;;"
     monkeypatch.setenv("UAVRT_GROUND_PASSWORD", "marmot-7")
     monkeypatch.setenv("UAVRT_ACCESS_POINT", wi_fi)
-    ground = start_ground(tmp_path, 0, "--listen", "0.0.0.0", "--host-name", "lynx-1.local")
-    watched = watch(f"http://127.0.0.1:{ground.port}/", color_scheme="dark", plain_map=False)
+    scene.start("--listen", "0.0.0.0", "--host-name", "lynx-1.local")
+    address = f"http://127.0.0.1:{scene.ground.port}/"
+    watched = scene.watch(address, color_scheme="dark", plain_map=False)
     page = watched.page
     page.fill("input[type=password]", "marmot-7")
     page.keyboard.press("Enter")
@@ -254,4 +235,4 @@ def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
         expect(picture).to_be_visible()
         (code,) = read_barcodes(Image.open(io.BytesIO(picture.screenshot())).convert("L"))
         read[what] = code.text
-    assert read == {"page": f"http://lynx-1.local:{ground.port}/", "access point": wi_fi}
+    assert read == {"page": f"http://lynx-1.local:{scene.ground.port}/", "access point": wi_fi}

@@ -3,14 +3,13 @@
 import re
 import socket
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from page_driver import WAIT_MS, Ground, Watched, type_tags, write_map
+from page_driver import WAIT_MS, Scene, Watched, open_flight, type_tags, write_map
 from past_flight import write_flight
 from playwright.sync_api import Page, expect
 from some import some
@@ -104,19 +103,9 @@ def pins_are_seen(page: Page) -> None:
         assert walk["y"] + walk["height"] < place["y"] < replay["y"] - place["height"]
 
 
-def with_a_past_flight(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    directory: Path,
-) -> tuple[str, WillingDrone, Watched]:
+def with_a_past_flight(scene: Scene) -> tuple[str, WillingDrone, Watched]:
     """A station with a flight of before and a drone that is heard, and its page."""
-    (directory / "ground").mkdir()
-    flight = write_flight(directory / "ground", 120.0, 300.0)
-    port = free_udp_port()
-    ground = start_ground(directory, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = willing(port)
-    return flight, drone, watch(ground.address, color_scheme="light")
+    return write_flight(scene.here, 120.0, 300.0), scene.drone(), scene.watch()
 
 
 def in_manual() -> dict[str, int]:
@@ -126,22 +115,16 @@ def in_manual() -> dict[str, int]:
 
 
 def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
+    scene: Scene,
 ) -> None:
-    here = tmp_path / "ground"
-    here.mkdir()
+    here = scene.here
     flights = [write_flight(here, 120.0, 300.0), write_flight(here, 150.0, 300.0)]
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = willing(port)
-    tags, makers = tmp_path / "TagInfo.db", tmp_path / "TagManufacturer.db"
+    drone = scene.drone()
+    tags, makers = scene.directory / "TagInfo.db", scene.directory / "TagManufacturer.db"
     tags.write_text("1, 4, otter, 1, 148.7\n0, 6, stoat, 1, 148.72\n", encoding="utf-8")
     makers.write_text("1, Two, 1333, 2000, Moving, Resting, 15, 60, 20\n", encoding="utf-8")
-    write_map(tmp_path / "valley.mbtiles")
-    watched = watch(ground.address, color_scheme="light")
+    write_map(scene.directory / "valley.mbtiles")
+    watched = scene.watch()
     page, hand = watched.page, Hand(watched.page)
     took: dict[str, int] = {}
 
@@ -181,7 +164,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     took["send the tags and start"] = hand.took()
     assert drone.tags == 1
     hand.click(".layers summary")
-    hand.give("#map-import", tmp_path / "valley.mbtiles")
+    hand.give("#map-import", scene.directory / "valley.mbtiles")
     expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
     took["load a map"] = hand.took()
     page.click(".layers summary")
@@ -221,12 +204,8 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
 
 
-def test_on_a_tablet_the_hint_is_whole_above_many_tags(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    silent = f"udpin://127.0.0.1:{free_udp_port()}"
-    watched = watch(start_ground(tmp_path, 0, "--mavlink", silent).address)
-    page = watched.page
+def test_on_a_tablet_the_hint_is_whole_above_many_tags(scene: Scene) -> None:
+    page = scene.watch().page
     few = demo_scenario(40.0)
     more = [
         replace(tag, tag_id=tag.tag_id + 10, frequency_hz=tag.frequency_hz + 50e3)
@@ -246,20 +225,14 @@ def test_on_a_tablet_the_hint_is_whole_above_many_tags(
     assert box["y"] + box["height"] <= some(below)["y"]
 
 
-def test_on_a_tablet_everything_is_shown_and_can_be_touched(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-) -> None:
-    flight, _, watched = with_a_past_flight(watch, start_ground, willing, tmp_path)
+def test_on_a_tablet_everything_is_shown_and_can_be_touched(scene: Scene) -> None:
+    flight, _, watched = with_a_past_flight(scene)
     page = watched.page
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
     box = page.locator("#chip-drone").bounding_box()
     assert box is not None
     assert 0.0 < box["x"] < box["x"] + box["width"] < 1024.0
-    page.click("#tab-flights")
-    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    open_flight(page, flight)
     page.wait_for_selector(".fix")
     page.wait_for_selector(".rose-silence, .rose-petal")
     expect(page.locator("#cards .card .fresh").first).to_have_text("detected")
@@ -284,21 +257,15 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
         watched.picture(f"tablet-{view}")
 
 
-def test_without_webgl_a_plain_map_stands_in_and_stop_works(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-) -> None:
-    flight, drone, watched = with_a_past_flight(watch, start_ground, willing, tmp_path)
+def test_without_webgl_a_plain_map_stands_in_and_stop_works(scene: Scene) -> None:
+    flight, drone, watched = with_a_past_flight(scene)
     page = watched.page
     page.add_init_script(f"({NO_WEBGL})()")
     page.reload()
     expect(page.locator(".flat-map")).to_be_visible()
     drone.state = drone.state.DETECTING
     expect(page.locator("#chip-state")).to_have_text("Detecting")
-    page.click("#tab-flights")
-    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    open_flight(page, flight)
     expect(page.locator("#walk-place")).to_contain_text("46.502")
     expect(page.locator(".flat-over .fix")).to_have_count(1)
     expect(page.locator(".flat-over .rose").first).to_be_visible()
@@ -309,17 +276,9 @@ def test_without_webgl_a_plain_map_stands_in_and_stop_works(
     page.wait_for_function("() => window.uavrt.store.state.drone.state === 'has_tags'")
 
 
-def test_a_tap_tells_the_place_measures_and_marks(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-) -> None:
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = willing(port)
-    watched = watch(
-        ground.address,
+def test_a_tap_tells_the_place_measures_and_marks(scene: Scene) -> None:
+    drone = scene.drone()
+    watched = scene.watch(
         geolocation={"latitude": 46.501, "longitude": 8.0},
         permissions=["geolocation"],
     )
@@ -344,20 +303,16 @@ def test_a_tap_tells_the_place_measures_and_marks(
     watched.picture("tap")
 
 
-def test_a_receiver_tells_where_the_people_stand(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    (tmp_path / "ground").mkdir()
-    flight = write_flight(tmp_path / "ground", 120.0, 300.0)
+def test_a_receiver_tells_where_the_people_stand(scene: Scene) -> None:
+    flight = write_flight(scene.here, 120.0, 300.0)
     port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--my-place", f"udpin://127.0.0.1:{port}")
+    scene.start("--my-place", f"udpin://127.0.0.1:{port}")
     ended = threading.Event()
     receiver = threading.Thread(target=send_place, args=(port, ended), daemon=True)
     receiver.start()
-    watched = watch(ground.address, color_scheme="light")
+    watched = scene.watch()
     page = watched.page
-    page.click("#tab-flights")
-    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    open_flight(page, flight)
     page.wait_for_selector(".me")
     expect(page.locator("#walk-way")).to_contain_text("of me")
     page.locator("#map canvas").first.click(position={"x": 300, "y": 330})
@@ -390,11 +345,8 @@ def send_place(port: int, ended: threading.Event) -> None:
             receiver.sendto(sentence, ("127.0.0.1", port))
 
 
-def test_two_pages_one_commander_and_no_lost_tags(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    ground = start_ground(tmp_path)
-    first, second = (watch(ground.address) for _ in range(2))
+def test_two_pages_one_commander_and_no_lost_tags(scene: Scene) -> None:
+    first, second = (scene.watch() for _ in range(2))
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
     expect(second.page.locator("#act-reason")).to_have_text(
@@ -426,11 +378,9 @@ def test_two_pages_one_commander_and_no_lost_tags(
     expect(first.page.locator(frequency)).to_have_value("148.72")
 
 
-def test_a_tab_made_from_the_page_that_commands_looks_on(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
+def test_a_tab_made_from_the_page_that_commands_looks_on(scene: Scene) -> None:
     """The browser copies what the tab has stored, as it does for *Duplicate tab*."""
-    first = watch(start_ground(tmp_path).address)
+    first = scene.watch()
     expect(first.page.locator("#take-command")).to_be_hidden()
     with first.page.expect_popup() as opened:
         first.page.evaluate("() => void window.open(location.href)")
@@ -442,26 +392,20 @@ def test_a_tab_made_from_the_page_that_commands_looks_on(
 
 def write_two_tags(directory: Path) -> None:
     """A station's table of two tags."""
-    (directory / "ground").mkdir()
     rows = "".join(
         f"[[tag]]\nid = {number}\nfrequency_mhz = {148.7 + number / 100}\n"
         "interval_ms = 1254\npulse_width_ms = 20\n"
         for number in (2, 4)
     )
-    (directory / "ground" / "tags.toml").write_text(rows, encoding="utf-8")
+    (directory / "tags.toml").write_text(rows, encoding="utf-8")
 
 
 def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
+    scene: Scene,
 ) -> None:
-    write_two_tags(tmp_path)
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = willing(port)
-    watched = watch(ground.address)
+    write_two_tags(scene.here)
+    drone = scene.drone()
+    watched = scene.watch()
     page = watched.page
     page.click("#act-send_tags")
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
@@ -498,13 +442,8 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     expect(page.locator("#chip-state")).to_have_text("Detecting")
 
 
-def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-) -> None:
-    flight, drone, watched = with_a_past_flight(watch, start_ground, willing, tmp_path)
+def test_keys_that_do_something_need_shift_which_caps_lock_is_not(scene: Scene) -> None:
+    flight, drone, watched = with_a_past_flight(scene)
     page = watched.page
     drone.state = drone.state.DETECTING
     expect(page.locator("#chip-state")).to_have_text("Detecting")
@@ -541,12 +480,9 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
     expect(page.locator(".toast").last).to_contain_text("does not let the page copy")
 
 
-def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    write_two_tags(tmp_path)
-    ground = start_ground(tmp_path)
-    first, second = (watch(ground.address) for _ in range(2))
+def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Scene) -> None:
+    write_two_tags(scene.here)
+    first, second = (scene.watch() for _ in range(2))
     for watched in (first, second):
         watched.page.click("#tab-setup")
     held: list[Any] = []
@@ -574,19 +510,12 @@ def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
 
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-    language: str,
+    scene: Scene, language: str
 ) -> None:
-    port = free_udp_port()
-    ground = start_ground(
-        tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}", "--vehicle", "2"
-    )
+    scene.start("--vehicle", "2")
     for number in (1, 2):
-        willing(port, system_id=number).state = SystemState.DETECTING
-    _, second = (watch(ground.address, locale=language) for _ in range(2))
+        scene.drone(system_id=number).state = SystemState.DETECTING
+    _, second = (scene.watch(locale=language) for _ in range(2))
     page = second.page
     expect(page.locator("#take-command")).to_be_visible()
     expect(page.locator(".chip.vehicle")).to_have_count(2)

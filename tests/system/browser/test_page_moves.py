@@ -5,13 +5,11 @@ from pathlib import Path
 
 import pytest
 from moved_page import GUIDANCE, MovedPage
-from page_driver import Ground, Watched, axe_findings, colour_at
+from page_driver import Scene, Watched, axe_findings, colour_at
 from playwright.sync_api import Browser, Page, expect
 from some import some
 from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
-from willing_drone import WillingDrone
 
-from uavrt.demo.programs import free_udp_port
 from uavrt.guidance.area_text import circle
 from uavrt.simulation.flying import Flavour
 
@@ -20,20 +18,13 @@ Field = Callable[[Flavour], MovedPage]
 
 
 @pytest.fixture
-def field(
-    willing: Callable[..., WillingDrone],
-    browser: Browser,
-    start_ground: Callable[..., Ground],
-    tmp_path: Path,
-) -> Iterator[Field]:
+def field(scene: Scene, browser: Browser) -> Iterator[Field]:
     """A drone that hovers, its ground station, and a page."""
     made: list[MovedPage] = []
 
     def make(flavour: Flavour) -> MovedPage:
-        port = free_udp_port()
-        drone = willing(port, guidance=GUIDANCE, flies=True, flavour=flavour)
-        ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-        made.append(MovedPage(browser, ground.address, lambda: drone.commands))
+        drone = scene.drone(guidance=GUIDANCE, flies=True, flavour=flavour)
+        made.append(MovedPage(browser, scene.ground.address, lambda: drone.commands))
         return made[-1]
 
     yield make
@@ -225,11 +216,8 @@ def test_it_goes_where_the_map_is_tapped(field: Field) -> None:
     expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
 
 
-def test_a_drone_without_guidance_shows_no_motion(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    ground = start_ground(tmp_path)
-    watched = watch(ground.address, color_scheme="light")
+def test_a_drone_without_guidance_shows_no_motion(scene: Scene) -> None:
+    watched = scene.watch()
     expect(watched.page.locator("#act-reason")).to_contain_text("No contact")  # it is alive
     watched.page.click("#show-move")
     expect(watched.page.locator("#move-none")).to_be_visible()

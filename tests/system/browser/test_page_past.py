@@ -4,14 +4,13 @@ import io
 import json
 import socket
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 from archived_pulses import archive
 from file_drone import FileDrone
-from page_driver import WAIT_MS, Ground, Watched, colour_at, write_vector_map
+from page_driver import WAIT_MS, Scene, colour_at, write_vector_map
 from past_flight import write_days, write_flight
 from playwright.sync_api import Page, expect
 from recorded import frames, write_recording
@@ -30,14 +29,10 @@ def exported(page: Page, row: str, name: str) -> bytes:
     return Path(download.value.path()).read_bytes()
 
 
-def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    here = tmp_path / "ground"
-    here.mkdir()
+def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(scene: Scene) -> None:
+    here = scene.here
     first, _ = write_flight(here, 120.0, 300.0), write_flight(here, 150.0, 300.0)
-    ground = start_ground(tmp_path, 0)
-    watched = watch(ground.address, color_scheme="light", plain_map=False)
+    watched = scene.watch(plain_map=False)
     page = watched.page
     page.click("#tab-flights")
     star = page.locator(f'tr[data-flight="{first}"] .star')
@@ -62,21 +57,17 @@ def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(
 
 
 def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, without = tmp_path / "ground", tmp_path / "without"
+    here, without = scene.here, scene.directory / "without"
     names = write_days(here, 30)
     archive(here / "archive")
     (here / names[0]).rename(here / "03")  # in the archive, too
     without.mkdir()
     (without / "duckdb.py").write_text("raise ImportError(name='duckdb')\n")
     monkeypatch.setenv("PYTHONPATH", str(without))
-    link = ("--mavlink", f"udpin://127.0.0.1:{free_udp_port()}")
-    ground = start_ground(tmp_path, 0, *link)
-    watched = watch(ground.address, color_scheme="light", plain_map=False)
+    ground = scene.start()
+    watched = scene.watch(plain_map=False)
     page = watched.page
     rows, archived = page.locator("tr[data-flight]"), page.locator("tr[data-archived]")
     page.click("#tab-flights")
@@ -85,7 +76,7 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     expect(rows).to_have_count(25)
     ground.stop()
     monkeypatch.delenv("PYTHONPATH")
-    ground = start_ground(tmp_path, ground.port, *link)
+    scene.start(port=ground.port)
     page.reload()
     page.click("#tab-flights")
     expect(archived).to_have_count(9)
@@ -117,21 +108,16 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     assert page.evaluate("document.documentElement.scrollWidth") <= 1024
 
 
-def test_flights_are_fetched_compared_and_exported(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    here, on_drone = tmp_path / "ground", tmp_path / "drone"
-    for directory in (here, on_drone):
-        directory.mkdir()
+def test_flights_are_fetched_compared_and_exported(scene: Scene) -> None:
+    here, on_drone = scene.here, scene.directory / "drone"
+    on_drone.mkdir()
     first = write_flight(here, 120.0, 300.0)
     second = write_flight(here, 150.0, 300.0)
     remote = write_flight(on_drone, 120.0, 300.0)
     write_recording(on_drone / remote / "iq", 1.7)
-    port = free_udp_port()
-    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    drone = FileDrone(port, on_drone)
+    drone = FileDrone(scene.link_port, on_drone)
     try:
-        watched = watch(ground.address, color_scheme="light", plain_map=False)
+        watched = scene.watch(plain_map=False)
         page = watched.page
         page.click("#tab-flights")
         expect(page.locator("tr[data-flight]")).to_have_count(2)
@@ -204,22 +190,19 @@ def test_flights_are_fetched_compared_and_exported(
             "() => Number(document.querySelector('#waterfall').dataset.columns) > 20",
             timeout=WAIT_MS,
         )
-        assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
+        assert watched.hosts - {"blob", "data"} == {urlsplit(scene.ground.address).netloc}
         assert watched.errors == []
         watched.close()
     finally:
         drone.close()
 
 
-def test_a_vector_map_of_the_folder_is_drawn(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    folder = tmp_path / "ground" / "maps"
+def test_a_vector_map_of_the_folder_is_drawn(scene: Scene) -> None:
+    folder = scene.here / "maps"
     folder.mkdir(parents=True)
     write_vector_map(folder / "sea.pmtiles")
     (folder / "broken.pmtiles").write_bytes(b"no map")
-    ground = start_ground(tmp_path)
-    watched = watch(ground.address, color_scheme="light", plain_map=False)
+    watched = scene.watch(plain_map=False)
     page = watched.page
     page.wait_for_function("() => window.uavrt.map().getLayer('base-fill-water')")
     page.evaluate("() => window.uavrt.map().jumpTo({ center: [8, 46.5], zoom: 3.4 })")
@@ -239,14 +222,11 @@ def test_a_vector_map_of_the_folder_is_drawn(
     page.click(".layers summary")
     expect(page.locator("#basemap option")).to_have_count(3)
     expect(page.locator("#basemap option", has_text="broken")).to_be_disabled()
-    assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
+    assert watched.hosts - {"blob", "data"} == {urlsplit(scene.ground.address).netloc}
 
 
-def test_a_slow_computer_pans_coarsely_and_shows_the_rest_sharp(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    ground = start_ground(tmp_path)
-    watched = watch(ground.address, plain_map=False)
+def test_a_slow_computer_pans_coarsely_and_shows_the_rest_sharp(scene: Scene) -> None:
+    watched = scene.watch(plain_map=False)
     page = watched.page
     page.wait_for_function("() => window.uavrt.map().loaded()", timeout=WAIT_MS)
     full, least = page.evaluate(

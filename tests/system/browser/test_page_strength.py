@@ -1,13 +1,12 @@
 """A survey with a monopole in the page: the strength over the ground, at each height flown."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import made
 import numpy as np
 import pytest
-from page_driver import Ground, Watched
+from page_driver import Scene, open_flight
 from playwright.sync_api import Page, expect
 
 from uavrt.analysis.positions import read_positions
@@ -78,15 +77,11 @@ def strongest_m(page: Page) -> float:
     return math.hypot(float(east) - EAST_M, float(north) - NORTH_M)
 
 
-def test_the_strength_of_each_height_is_seen_by_itself(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    flight_id = write_survey(tmp_path / "ground")
-    ground = start_ground(tmp_path)
-    watched = watch(ground.address, color_scheme="light", plain_map=False)
+def test_the_strength_of_each_height_is_seen_by_itself(scene: Scene) -> None:
+    flight_id = write_survey(scene.here)
+    watched = scene.watch(plain_map=False)
     page = watched.page
-    page.click("#tab-flights")
-    page.locator(f'tr[data-flight="{flight_id}"] .open-flight').click()
+    open_flight(page, flight_id)
     expect(page.locator("#walk-title")).to_contain_text("strongest signal")
     page.click(".layers summary")
     expect(page.locator("#heights option")).to_have_text(
@@ -119,20 +114,18 @@ def test_the_strength_of_each_height_is_seen_by_itself(
 
 
 def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does(
-    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
+    scene: Scene,
 ) -> None:
-    flight_id = write_survey(tmp_path / "ground")
-    ground = start_ground(tmp_path)
-    watched = watch(ground.address, color_scheme="light", plain_map=False)
+    flight_id = write_survey(scene.here)
+    watched = scene.watch(plain_map=False)
     page = watched.page
     page.click("#tab-setup")
     page.select_option("#set-antenna", "monopole")
     page.wait_for_function("() => window.uavrt.store.settings.antenna === 'monopole'")
-    page.click("#tab-flights")
-    page.locator(f'tr[data-flight="{flight_id}"] .open-flight').click()
+    open_flight(page, flight_id)
     expect(page.locator("#walk-sure")).to_contain_text("(95\u202f%)")
     expect(page.locator(".fix")).to_have_count(1)
-    (told,) = read_positions(tmp_path / "ground" / flight_id, how=ReadAs(antenna="monopole"))
+    (told,) = read_positions(scene.here / flight_id, how=ReadAs(antenna="monopole"))
     assert told.position is not None
     latitude, longitude = map(float, page.locator("#walk-place").inner_text().split(","))
     assert latitude == pytest.approx(told.position.latitude_deg, abs=6e-6)

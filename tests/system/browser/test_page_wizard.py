@@ -1,13 +1,10 @@
 """The first set-up on the page of a drone's own computer: by keyboard, in German, by axe."""
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
-from page_driver import Ground, Watched, axe_findings
+from page_driver import Scene, axe_findings
 from playwright.sync_api import Page, expect
-from willing_drone import WillingDrone
 
 from uavrt.config.loader import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
@@ -30,24 +27,19 @@ def at(page: Page, step: str) -> None:
     assert not serious, step
 
 
-def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
-) -> None:
-    config = tmp_path / "drone/uavrt.toml"
+def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(scene: Scene) -> None:
+    config = scene.directory / "drone/uavrt.toml"
     config.parent.mkdir()
     write_default_settings(config)
-    ground = start_ground(tmp_path, 0, "--set-up", str(config))
-    english = watch(ground.address, color_scheme="light", locale="en-US")
+    scene.start("--set-up", str(config))
+    english = scene.watch(locale="en-US")
     expect(english.page.locator("#wizard-title")).to_have_text("First set-up of this computer")
     english.page.fill("#wizard-name", "lynx-1")
     english.picture("first-setup")
     english.page.keyboard.press("Escape")
     expect(english.page.locator("#wizard")).to_be_hidden()
     english.close()
-    watched = watch(ground.address, color_scheme="light", locale="de-DE")
+    watched = scene.watch(locale="de-DE")
     page = watched.page
     expect(page.locator("#wizard")).to_be_visible()
     at(page, "Name")
@@ -78,7 +70,7 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(
     page.keyboard.press("Enter")
     at(page, "Autopilot")
     port = free_udp_port()
-    willing(port)
+    scene.drone(port=port)
     page.keyboard.press("Tab")
     typed(page, f"udpin://127.0.0.1:{port}")
     page.keyboard.press("Tab")

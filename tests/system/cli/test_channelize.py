@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import started, uavrt
+from command_line import launched, started, uavrt
 from some import some
 
 from uavrt.demo.programs import free_udp_port
@@ -83,11 +83,8 @@ def listeners() -> Iterator[dict[int, list[socket.socket]]]:
 
 def channelizer(*arguments: str) -> subprocess.Popen[str]:
     """Start it, and wait until it says that it listens."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "uavrt.cli", "channelize", *arguments],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    words = ("-m", "uavrt.cli", "channelize", *arguments)
+    process = launched(*words, stdout=None, stderr=subprocess.PIPE)
     assert "channels of" in some(process.stderr).readline()
     return process
 
@@ -183,16 +180,11 @@ def test_standard_input_of_three_megasamples_is_decimated_and_split(
     for number in (1, 100):
         listeners[number] = listen("127.0.0.1", channel_port(number - 1, "thesis"))
     with recording.open("rb") as stream:
-        run = subprocess.run(
-            [
-                *(sys.executable, "-m", "uavrt.cli", "channelize", "-"),
-                *("--sample-rate", "3e6", "--mode", "default", "--ports", "thesis"),
-                *("--stamps", "milliseconds", "--speed", "10"),
-                *("--channels", "1 100", "--start-time", "2023-11-14T22:13:20Z"),
-            ],
+        run = started(
+            *("channelize", "-", "--sample-rate", "3e6", "--mode", "default"),
+            *("--ports", "thesis", "--stamps", "milliseconds", "--speed", "10"),
+            *("--channels", "1 100", "--start-time", "2023-11-14T22:13:20Z"),
             stdin=stream,
-            stderr=subprocess.PIPE,
-            text=True,
             check=True,
             timeout=60,
         )

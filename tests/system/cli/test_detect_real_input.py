@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from some import some
+from until import until
 
 CENTER_HZ = 148_700_000.0
 START = "2024-05-01T06:00:00Z"
@@ -154,11 +155,7 @@ def test_a_signal_ends_a_stream_with_all_pulses_so_far_written(
     for data in generate(rate, 8.0, "cs16"):
         child.stdin.write(data)
     child.stdin.flush()
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
-        if output.exists() and output.read_text().count("\n") >= 12:
-            break
-        time.sleep(0.05)
+    until(lambda: output.exists() and output.read_text().count("\n") >= 12)
     child.send_signal(number)
     # The pipe stays open: it must end by the signal, not by the end of its input.
     assert child.wait(30) == 128 + number

@@ -3,10 +3,10 @@
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import launched
 
 SLOW_IMPORT = "import time\nprint('begun', flush=True)\ntime.sleep(60)"
 STARTS = [["-m", "uavrt.cli"], ["-c", "from uavrt.cli.__main__ import main; main()"]]
@@ -17,12 +17,10 @@ def test_a_stop_among_the_imports_ends_without_a_traceback(
     start: list[str], tmp_path: Path
 ) -> None:
     (tmp_path / "cyclopts.py").write_text(SLOW_IMPORT)
-    began = subprocess.Popen(
-        [sys.executable, *start, "detect"],
+    began = launched(
+        *(*start, "detect"),
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert began.stdout is not None

@@ -5,10 +5,10 @@ import os
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 from update_maker import TINY, make_installation, make_key, sign_alone, write_wheel
 
 from uavrt.computer import update
@@ -103,12 +103,7 @@ def test_no_program_of_ours_starts_python_with_the_working_directory_in_its_path
     ]
     assert starts == []
     # The check sees what it is there to see.
-    ran = subprocess.run(
-        [sys.executable, "-P", "-c", "import sys; print('' in sys.path)"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    ran = python("-P", "-c", "import sys; print('' in sys.path)", check=True)
     assert ran.stdout.strip() == "False"
 
 

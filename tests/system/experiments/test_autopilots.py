@@ -7,10 +7,11 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
+from command_line import launched, started
+from until import until
 
 from uavrt.supervisor.start.usage import descendants_of
 from uavrt_experiments.autopilots.builds import PX4_PORTS, free_instance
@@ -47,21 +48,17 @@ def test_a_signal_ends_every_program_and_keeps_the_table(
 ) -> None:
     words = ("experiment", "autopilots", "--simulated", "px4", "--quick", "--only", "goto")
     short = Path(tempfile.mkdtemp())  # the path of a Unix socket has room for 107 bytes
-    with subprocess.Popen(
-        [sys.executable, "-m", "uavrt.cli", *words, "--output", str(tmp_path / "rehearsal")],
+    with launched(
+        *("-m", "uavrt.cli", *words, "--output", tmp_path / "rehearsal"),
         env=os.environ | {"TMPDIR": str(short)},
-        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
     ) as run:
-        deadline_s = time.monotonic() + 60.0
-        while len(started := descendants_of(run.pid)) < 4 and time.monotonic() < deadline_s:
-            time.sleep(0.1)
+        until(lambda: len(descendants_of(run.pid)) >= 4, 60.0)
+        started = descendants_of(run.pid)
         run.send_signal(number)
         _, said = run.communicate(timeout=60.0)
     assert run.returncode == 130
     assert "the same command continues" in said
-    assert len(started) >= 4
     assert not any(_runs(pid) for pid in started)
     short.rmdir()  # nothing is left in it
     assert (tmp_path / "rehearsal/table.md").exists()
@@ -81,12 +78,7 @@ def test_an_autopilot_that_ends_at_its_start_is_named_at_once(tmp_path: Path) ->
     program.write_text("#!/bin/sh\necho no such model\nexit 3\n")
     program.chmod(0o755)
     words = ("experiment", "autopilots", "--arducopter", str(program), "--quick")
-    done = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", *words, "--output", str(tmp_path / "rehearsal")],
-        capture_output=True,
-        text=True,
-        timeout=50,
-    )
+    done = started(*words, "--output", tmp_path / "rehearsal", timeout=50)
     assert done.returncode == 2
     assert "autopilot ended (exit 3): no such model" in done.stderr
     (log,) = (tmp_path / "rehearsal").glob("*autopilot.log")

@@ -1,10 +1,11 @@
 """A ground station with its page, served on this machine, asked by real requests."""
 
 import asyncio
+import contextlib
 import http.client
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ class Served:
         )
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
         self._thread.start()
-        assert self._there.wait(20.0)
+        assert self._there.wait(60.0)
 
     async def _serve(self) -> None:
         self.loop = asyncio.get_running_loop()
@@ -61,14 +62,15 @@ class Served:
             self._there.set()
 
     def stop(self) -> None:
-        self.loop.call_soon_threadsafe(self.station.stop)
-        self._thread.join(20.0)
+        with contextlib.suppress(RuntimeError):  # stopped before
+            self.loop.call_soon_threadsafe(self.station.stop)
+        self._thread.join(60.0)
         assert not self._thread.is_alive()
 
     def ask(
         self, method: str, path: str, body: object = None, headers: dict[str, str] | None = None
     ) -> Answer:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         told = {"Content-Type": "application/json"} if body is not None else {}
         told |= headers or {}
         content = body if isinstance(body, bytes | None) else json.dumps(body).encode()
@@ -95,5 +97,13 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 @pytest.fixture
-def serve() -> type[Served]:
-    return Served
+def serve() -> Iterator[Callable[..., Served]]:
+    """Starts a station, and stops it at the end unless the test has."""
+    with contextlib.ExitStack() as stations:
+
+        def serve(*args: Any, **kwargs: Any) -> Served:
+            station = Served(*args, **kwargs)
+            stations.callback(station.stop)
+            return station
+
+        yield serve

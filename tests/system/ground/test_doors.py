@@ -50,20 +50,17 @@ def test_with_a_certificate_the_page_is_served_by_https_alone(
         check=True,
     )
     station = serve(tmp_path / "ground", certificate=certificate, key=key, password="marmot-7")
-    try:
-        trusted = ssl.create_default_context(cafile=str(certificate))
-        connection = http.client.HTTPSConnection(
-            "127.0.0.1", station.port, timeout=20, context=trusted
-        )
-        headers = {"Content-Type": "application/x-www-form-urlencoded"}
-        connection.request("POST", "/login", b"password=marmot-7", headers)
-        answer = connection.getresponse()
-        cookie = answer.getheader("Set-Cookie") or ""
-        assert answer.status == 303
-        # Over https the browser must never send it in the clear.
-        assert {"Secure", "HttpOnly"} <= set(cookie.replace(" ", "").split(";"))
-        connection.close()
-        with pytest.raises((http.client.HTTPException, OSError)):
-            station.ask("GET", "/api/state")
-    finally:
-        station.stop()
+    trusted = ssl.create_default_context(cafile=str(certificate))
+    connection = http.client.HTTPSConnection(
+        "127.0.0.1", station.port, timeout=20, context=trusted
+    )
+    headers = {"Content-Type": "application/x-www-form-urlencoded"}
+    connection.request("POST", "/login", b"password=marmot-7", headers)
+    answer = connection.getresponse()
+    cookie = answer.getheader("Set-Cookie") or ""
+    assert answer.status == 303
+    # Over https the browser must never send it in the clear.
+    assert {"Secure", "HttpOnly"} <= set(cookie.replace(" ", "").split(";"))
+    connection.close()
+    with pytest.raises((http.client.HTTPException, OSError)):
+        station.ask("GET", "/api/state")

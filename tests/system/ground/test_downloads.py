@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import shutil
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import made
 import pytest
 from file_drone import FileDrone
+from tests.system.ground.test_session import until
 
 from uavrt.clock import Clock
 from uavrt.ground.fetch import ftp_client
@@ -36,21 +36,13 @@ def flown(tmp_path: Path) -> tuple[Path, str]:
 @pytest.fixture
 def drone(served: Any, flown: tuple[Path, str]) -> Iterator[FileDrone]:
     drone = FileDrone(served.mavlink_port, flown[0])
-    for _ in range(400):
-        if served.ask("GET", "/api/state").json["drone"]["present"]:
-            break
-        time.sleep(0.02)
+    until(served, lambda state: state["drone"]["present"])
     yield drone
     drone.close()
 
 
 def ended(served: Any) -> dict[str, Any]:
-    for _ in range(1000):
-        record: dict[str, Any] = served.ask("GET", "/api/drone/download").json
-        if record and record["ended"]:
-            return record
-        time.sleep(0.02)
-    raise AssertionError(f"never ended: {record}")
+    return until(served, lambda record: record and record["ended"], "/api/drone/download")
 
 
 def test_on_the_drone_s_own_computer_nothing_is_fetched_a_second_time(

@@ -150,7 +150,6 @@ def test_a_restarted_station_serves_them_again_and_mixes_none_up(
     until(again, lambda state: state["drone"]["system_id"] == 1)
     one.close()
     two.close()
-    again.stop()
 
 
 def test_a_vehicle_that_is_served_no_more_is_one_that_is_heard_again(
@@ -206,7 +205,6 @@ def willing_both(tmp_path: Path, serve: Any) -> Iterator[tuple[Any, dict[int, Wi
     yield station, drones
     for drone in drones.values():
         drone.close()
-    station.stop()
 
 
 def both_are(station: Any, expected: str) -> None:

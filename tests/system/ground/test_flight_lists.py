@@ -1,14 +1,13 @@
 """Lists of flights by tag and day: of this computer, and of an archive."""
 
 import shutil
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 from archived_pulses import archive
 from past_flight import write_days
+from sql import sql
 
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.ground.store.known_flights import FlightChoice
@@ -56,9 +55,7 @@ def test_what_is_known_of_flights_is_kept_and_no_more_than_known(tmp_path: Path)
     assert [one.flight_id for one in again.summaries()] == [one.flight_id for one in every]
     # Changed flights are read again, flights that are gone are forgotten.
     shutil.rmtree(tmp_path / names[1])
-    with closing(sqlite3.connect(database)) as changed:
-        changed.execute("DELETE FROM pulses WHERE pulse_id > 10")
-        changed.commit()
+    sql(database, "DELETE FROM pulses WHERE pulse_id > 10")
     assert database.stat().st_mtime_ns != whole.st_mtime_ns
     total, (newest, oldest) = again.find(FlightChoice(), 0, 10)
     assert (total, newest.pulses, oldest.pulses) == (2, 72, 10)

@@ -8,9 +8,6 @@ import math
 import os
 import resource
 import socket
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,48 +16,28 @@ from typing import Any
 import greedy
 import made
 import pytest
+from command_line import launched
 from foreign_files import ENDLESS, MBTILES, SHAPE_ATTACKS, Content, corners, sqlite
 from greedy import fill, refuse, spin
+from tests.system.ground.conftest import Served
 
+from uavrt.demo.programs import free_udp_port
 from uavrt.errors import CommandRefused, FormatError, UsageError
 from uavrt.foreign import CPU_S
 from uavrt.ground.web.foreign_worker import MOST_WAITING, ForeignWorker
-from uavrt.ground.web.page import PageSettings, PageStation
-from uavrt.ground.web.server import ServerSettings
 from uavrt.mavlink.frame import FrameWriter
 
 LONGEST_STOP_S = 0.2
 
 
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
-
-
-class Station:
+class Station(Served):
     """A ground station in this process, and the longest stop of its event loop."""
 
-    def __init__(self, directory: Path) -> None:
-        (directory / "maps").mkdir(parents=True)
-        self.directory = directory
-        self.longest_stop_s = 0.0
-        self._address = ""
-        self._ready = threading.Event()
-        self._settings = PageSettings(
-            directory=directory,
-            address=f"udpin://127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
-            server=ServerSettings(port=0),
-        )
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
-        self._thread.start()
-        assert self._ready.wait(60.0)
+    longest_stop_s = 0.0
 
     async def _serve(self) -> None:
-        self._loop = asyncio.get_running_loop()
-        self._station = PageStation(self._settings, self._show)
         watching = asyncio.create_task(self._watch())
-        await self._station.run()
+        await super()._serve()
         watching.cancel()
 
     async def _watch(self) -> None:
@@ -70,33 +47,16 @@ class Station:
             await asyncio.sleep(0.005)
             self.longest_stop_s = max(self.longest_stop_s, time.thread_time() - before_s)
 
-    def _show(self, event: dict[str, Any]) -> None:
-        if event["event"] == "page":
-            self._address = event["address"].removeprefix("http://").strip("/")
-            self._ready.set()
-
-    def ask(self, method: str, path: str, body: object = None) -> tuple[int, Any]:
-        content = body if isinstance(body, bytes | None) else json.dumps(body).encode()
-        connection = http.client.HTTPConnection(self._address, timeout=120)
-        connection.request(method, path, content, {"Content-Type": "application/json"})
-        answer = connection.getresponse()
-        found = answer.status, json.loads(answer.read() or b"null")
-        connection.close()
-        return found
-
-    def stop(self) -> None:
-        self._loop.call_soon_threadsafe(self._station.stop)
-        self._thread.join(60.0)
-        assert not self._thread.is_alive()
-
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
-    station = Station(tmp_path_factory.mktemp("page") / "ground")
+    directory = tmp_path_factory.mktemp("page") / "ground"
+    (directory / "maps").mkdir(parents=True)
+    station = Station(directory)
     # Imports and the first answer are the program's own, and come once.
-    assert station.ask("GET", "/api/choices")[0] == 200
-    assert station.ask("POST", "/api/tags/check", [])[0] == 200
-    assert station.ask("POST", "/api/motion/area", {})[0] == 422
+    assert station.ask("GET", "/api/choices").status == 200
+    assert station.ask("POST", "/api/tags/check", []).status == 200
+    assert station.ask("POST", "/api/motion/area", {}).status == 422
     yield station
     station.stop()
 
@@ -163,11 +123,11 @@ def mission_around(*, outlines: int, corner_count: int) -> dict[str, Any]:
 def test_a_request_is_refused_with_a_sentence_and_the_link_goes_on(
     station: Station, path: str, body: object
 ) -> None:
-    status, answer = station.ask("POST", path, body)
-    assert status in (413, 422), answer
-    assert len(answer["error"]) < 5000
+    answer = station.ask("POST", path, body)
+    assert answer.status in (413, 422), answer.json
+    assert len(answer.json["error"]) < 5000
     assert station.longest_stop_s <= LONGEST_STOP_S
-    assert station.ask("GET", "/api/state")[0] == 200
+    assert station.ask("GET", "/api/state").status == 200
 
 
 def test_a_map_without_end_concerns_only_itself(station: Station) -> None:
@@ -180,9 +140,9 @@ def test_a_map_without_end_concerns_only_itself(station: Station) -> None:
         assert callable(content)
         content(maps / name)
     os.mkfifo(maps / "pipe.mbtiles")
-    status, answer = station.ask("GET", "/api/choices")
-    assert status == 200
-    faults = {one["name"]: one["fault"] for one in answer["maps"]}
+    answer = station.ask("GET", "/api/choices")
+    assert answer.status == 200
+    faults = {one["name"]: one["fault"] for one in answer.json["maps"]}
     assert faults["honest.mbtiles"] is None
     assert len(faults) >= 2
     assert station.longest_stop_s <= LONGEST_STOP_S
@@ -225,15 +185,10 @@ def test_only_some_requests_wait_for_the_process(worker: ForeignWorker) -> None:
 @contextlib.contextmanager
 def ground_program(directory: Path, files: int) -> Iterator[tuple[int, int, int]]:
     """The ground station as a program with few descriptors: process, page and link."""
-    link = free_port(socket.SOCK_DGRAM)
-    program = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "ground", "--page", "--no-browser"),
-            *("--port", "0", "--mavlink", f"udpin://127.0.0.1:{link}"),
-            *("--output", str(directory), "--json"),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
+    link = free_udp_port()
+    program = launched(
+        *("-m", "uavrt.cli", "ground", "--page", "--no-browser", "--port", "0"),
+        *("--mavlink", f"udpin://127.0.0.1:{link}", "--output", directory, "--json"),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (files, files)),
     )
     assert program.stdout is not None

@@ -11,6 +11,7 @@ import made
 import numpy as np
 import pytest
 from tests.unit.analysis.test_coverage import HOME, outline, write_hills
+from until import until
 
 from uavrt.cli.coverage import coverage
 from uavrt.config.tag_files import write_tags
@@ -42,13 +43,7 @@ PLAN = {"way": WAY, "tag_power_dbm": -50}
 
 
 def answered(ask: Callable[[], Record]) -> Record:
-    until = time.monotonic() + 100.0
-    while time.monotonic() < until:
-        answer = ask()
-        if answer["state"] != "working":
-            return answer
-        time.sleep(0.05)
-    pytest.fail("no map")
+    return until(lambda: answer if (answer := ask())["state"] != "working" else None, 100.0)
 
 
 def foreseen(wanted: Record, antenna: AntennaChoice = WHIP, *tags: Tag) -> Record:
@@ -225,7 +220,4 @@ def test_another_map_takes_the_desk_and_the_first_page_is_told() -> None:
     assert again["state"] == "failed"
     assert "another map" in again["error"]
     assert desk.found("quick") == "quick"
-    until = time.monotonic() + 20.0
-    while not given_up and time.monotonic() < until:
-        time.sleep(0.01)
-    assert given_up == ["slow"]
+    until(lambda: given_up == ["slow"])

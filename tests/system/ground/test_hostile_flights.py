@@ -4,7 +4,6 @@ import os
 import signal
 import sqlite3
 import subprocess
-import sys
 import threading
 import time
 import urllib.request
@@ -14,6 +13,8 @@ from pathlib import Path
 
 import made
 import pytest
+from command_line import launched
+from sql import sql
 
 from uavrt.errors import FormatError, UavrtError
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -58,9 +59,8 @@ def endless_flight(place: Path) -> None:
 
 
 def words_for_numbers(place: Path) -> None:
-    with closing(sqlite3.connect(flight(place) / "flight.sqlite")) as database, database:
-        database.execute("UPDATE flight SET start_time_ns = 'noon'")
-        database.execute("UPDATE pulses SET end_time_ns = x'ff', tag_id = 1e300")
+    pulses = "UPDATE pulses SET end_time_ns = x'ff', tag_id = 1e300"
+    sql(flight(place), "UPDATE flight SET start_time_ns = 'noon'", pulses)
 
 
 def no_tables(place: Path) -> None:
@@ -68,9 +68,7 @@ def no_tables(place: Path) -> None:
 
 
 def altered(place: Path, table: str, statement: str) -> None:
-    with closing(sqlite3.connect(flight(place) / "flight.sqlite")) as database, database:
-        database.execute(f"DROP TABLE {table}")
-        database.execute(statement)
+    sql(flight(place), f"DROP TABLE {table}", statement)
 
 
 HOSTILE: list[Callable[[Path], None]] = [
@@ -141,12 +139,7 @@ main()
 
 @pytest.mark.timeout(60)
 def test_the_page_ends_on_sigterm_whatever_a_query_does(tmp_path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", STUCK, str(tmp_path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as program:
+    with launched("-c", STUCK, tmp_path, stderr=subprocess.DEVNULL) as program:
         try:
             assert program.stdout is not None
             address = program.stdout.readline().split()[4]

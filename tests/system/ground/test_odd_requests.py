@@ -1,9 +1,7 @@
 """Odd files and names spoil no answer of the page's server."""
 
-import sqlite3
-from contextlib import closing
-
 import pytest
+from sql import write_mbtiles
 from tests.system.ground.conftest import Served
 
 
@@ -11,12 +9,8 @@ def test_a_map_without_a_credit_and_edges_does_not_empty_the_set_up_page(
     served: Served,
 ) -> None:
     place = served.directory / "maps" / "odd.mbtiles"
-    with closing(sqlite3.connect(place)) as database, database:
-        database.execute("CREATE TABLE metadata (name, value)")
-        database.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data)")
-        database.execute("INSERT INTO tiles VALUES (1, 0, 0, x'89504e47')")
-        for name in ("attribution", "bounds", "format"):
-            database.execute("INSERT INTO metadata VALUES (?, NULL)", (name,))
+    facts = dict.fromkeys(("attribution", "bounds", "format"))
+    write_mbtiles(place, facts, [(1, 0, 0, b"\x89PNG")])
     answer = served.ask("GET", "/api/choices")
     assert answer.status == 200
     assert answer.json["maps"][0]["bounds"] == [-180.0, -85.0, 180.0, 85.0]

@@ -5,6 +5,7 @@ import contextlib
 import http.client
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,13 +46,9 @@ def test_a_script_reads_the_state(served: Any) -> None:
     }
 
 
-def test_tags_are_kept_over_a_restart(served: Any, tmp_path: Path) -> None:
+def test_tags_are_kept_over_a_restart(served: Any, serve: Any, tmp_path: Path) -> None:
     assert served.ask("PUT", "/api/tags", [TAG]).status == 200
-    again = type(served)(tmp_path / "ground")
-    try:
-        (row,) = again.ask("GET", "/api/tags").json
-    finally:
-        again.stop()
+    (row,) = serve(tmp_path / "ground").ask("GET", "/api/tags").json
     assert row["frequency_mhz"] == 148.71
     assert row["name"] == TAG["name"]
 
@@ -186,9 +183,8 @@ def test_a_starred_flight_is_marked_in_its_directory_and_stays(served: Any) -> N
         ids.append(keeper.begin([]))
         keeper.close()
     oldest = min(ids)
-    headers = {"Content-Type": "application/json"}
     path = f"/api/flights/{oldest}/star"
-    assert served.ask("PUT", path, b'{"starred": true}', headers).json["starred"] is True
+    assert served.ask("PUT", path, {"starred": True}).json["starred"] is True
     assert served.ask("GET", f"/api/flights/{oldest}").json["starred"] is True
     listed = {
         row["flight_id"]: row["starred"] for row in served.ask("GET", "/api/flights").json
@@ -196,23 +192,21 @@ def test_a_starred_flight_is_marked_in_its_directory_and_stays(served: Any) -> N
     assert listed == {flight_id: flight_id == oldest for flight_id in ids}
     paths = [served.directory / flight_id for flight_id in ids]
     assert served.directory / oldest not in removable(paths)
-    assert served.ask("PUT", path, b'{"starred": false}', headers).status == 200
+    assert served.ask("PUT", path, {"starred": False}).status == 200
     assert served.ask("GET", f"/api/flights/{oldest}").json["starred"] is False
-    assert served.ask("PUT", path, b'{"starred": "yes"}', headers).status == 422
-    nowhere = served.ask("PUT", "/api/flights/none/star", b'{"starred": true}', headers)
-    assert nowhere.status == 404
+    assert served.ask("PUT", path, {"starred": "yes"}).status == 422
+    assert served.ask("PUT", "/api/flights/none/star", {"starred": True}).status == 404
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[[[[", b"[1, 2]", b'"x"', b"\xff"])
 def test_what_is_no_table_is_refused_in_words(standing: Any, body: bytes) -> None:
-    headers = {"Content-Type": "application/json"}
-    answer = standing.ask("PUT", "/api/tags", body, headers)
+    answer = standing.ask("PUT", "/api/tags", body)
     assert answer.status == 422
     assert answer.json["error"]
 
 
 def test_a_large_request_is_refused(standing: Any) -> None:
-    headers = {"Content-Type": "application/json", "Content-Length": "99999999"}
+    headers = {"Content-Length": "99999999"}
     assert standing.ask("PUT", "/api/tags", b"[]", headers).status == 403
 
 
@@ -289,13 +283,8 @@ async def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> Non
         def put(page: dict[str, str]) -> int:
             return int(served.ask("PUT", "/api/tags", [TAG], page).status)
 
-        def ask(*what: Any) -> Any:
-            return served.ask("POST", *what)
-
-        loop = asyncio.get_running_loop()
-
-        async def of(*what: Any) -> Any:
-            return await loop.run_in_executor(None, *what)
+        of = asyncio.to_thread
+        ask = partial(served.ask, "POST")
 
         assert await of(put, first) == 200
         assert await of(put, second) == 409
@@ -396,49 +385,43 @@ def test_with_a_password_nothing_is_told_without_it(
     serve: Callable[..., Any], tmp_path: Path
 ) -> None:
     station = serve(tmp_path / "ground", password="marmot-7")
-    try:
-        assert station.ask("GET", "/api/state").status == 401
-        assert station.ask("GET", "/").status == 401
-        script = {"Authorization": "Bearer marmot-7"}
-        assert station.ask("GET", "/api/state", headers=script).status == 200
-        form = {"Content-Type": "application/x-www-form-urlencoded"}
-        for wanted, language, told in (
-            ("de-CH,de;q=0.9,en;q=0.8", "de", "Das ist nicht das Passwort."),
-            ("fr,en;q=0.5", "en", "This is not the password."),
-            ("", "en", "This is not the password."),
-        ):
-            spoken = form | {"Accept-Language": wanted}
-            wrong = station.ask("POST", "/login", b"password=wrong", spoken)
-            assert wrong.status == 401
-            assert f'lang="{language}"' in wrong.body.decode()
-            assert told in wrong.body.decode()
-            asked = station.ask("GET", "/", headers={"Accept-Language": wanted}).body.decode()
-            assert told not in asked
-        answer = station.ask("POST", "/login", b"password=marmot-7", form)
-        assert answer.status == 303
-        headers = {name.lower(): value for name, value in answer.headers.items()}
-        assert "HttpOnly" in headers["set-cookie"]
-        cookie = {"Cookie": headers["set-cookie"].partition(";")[0]}
-        assert station.ask("GET", "/api/state", headers=cookie).status == 200
-    finally:
-        station.stop()
+    assert station.ask("GET", "/api/state").status == 401
+    assert station.ask("GET", "/").status == 401
+    script = {"Authorization": "Bearer marmot-7"}
+    assert station.ask("GET", "/api/state", headers=script).status == 200
+    form = {"Content-Type": "application/x-www-form-urlencoded"}
+    for wanted, language, told in (
+        ("de-CH,de;q=0.9,en;q=0.8", "de", "Das ist nicht das Passwort."),
+        ("fr,en;q=0.5", "en", "This is not the password."),
+        ("", "en", "This is not the password."),
+    ):
+        spoken = form | {"Accept-Language": wanted}
+        wrong = station.ask("POST", "/login", b"password=wrong", spoken)
+        assert wrong.status == 401
+        assert f'lang="{language}"' in wrong.body.decode()
+        assert told in wrong.body.decode()
+        asked = station.ask("GET", "/", headers={"Accept-Language": wanted}).body.decode()
+        assert told not in asked
+    answer = station.ask("POST", "/login", b"password=marmot-7", form)
+    assert answer.status == 303
+    headers = {name.lower(): value for name, value in answer.headers.items()}
+    assert "HttpOnly" in headers["set-cookie"]
+    cookie = {"Cookie": headers["set-cookie"].partition(";")[0]}
+    assert station.ask("GET", "/api/state", headers=cookie).status == 200
 
 
 def test_a_password_cannot_be_guessed_without_limit(serve: Any, tmp_path: Path) -> None:
     station = serve(tmp_path / "ground", password="marmot-7")
-    try:
-        form = {"Content-Type": "application/x-www-form-urlencoded"}
-        cookie = station.ask("POST", "/login", b"password=marmot-7", form).headers["set-cookie"]
-        for number in range(TRIES):
-            bearer = {"Authorization": f"Bearer guess{number}"}
-            assert station.ask("GET", "/api/state", headers=bearer).status in (401, 429)
-        right = {"Authorization": "Bearer marmot-7"}
-        refused = station.ask("GET", "/api/state", headers=right)
-        assert refused.status == 429
-        assert int(refused.headers["retry-after"]) > 0
-        assert station.ask("POST", "/login", b"password=marmot-7", form).status == 429
-        # Who is in stays in.
-        known = {"Cookie": cookie.partition(";")[0]}
-        assert station.ask("GET", "/api/state", headers=known).status == 200
-    finally:
-        station.stop()
+    form = {"Content-Type": "application/x-www-form-urlencoded"}
+    cookie = station.ask("POST", "/login", b"password=marmot-7", form).headers["set-cookie"]
+    for number in range(TRIES):
+        bearer = {"Authorization": f"Bearer guess{number}"}
+        assert station.ask("GET", "/api/state", headers=bearer).status in (401, 429)
+    right = {"Authorization": "Bearer marmot-7"}
+    refused = station.ask("GET", "/api/state", headers=right)
+    assert refused.status == 429
+    assert int(refused.headers["retry-after"]) > 0
+    assert station.ask("POST", "/login", b"password=marmot-7", form).status == 429
+    # Who is in stays in.
+    known = {"Cookie": cookie.partition(";")[0]}
+    assert station.ask("GET", "/api/state", headers=known).status == 200

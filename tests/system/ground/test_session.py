@@ -4,21 +4,20 @@ import contextlib
 import json
 import os
 import socket
-import sqlite3
-import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import made
 import pytest
+from command_line import launched
 from past_flight import write_flight
 from pulses import pulse_at as heard_pulse
+from sql import sql
+from until import until as wait_until
 
 from uavrt.commands import SystemState
 from uavrt.demo.programs import free_udp_port
@@ -74,12 +73,14 @@ def drone(served: Any) -> Iterator[Drone]:
 
 def until(served: Any, what: Any, path: str = "/api/state") -> dict[str, Any]:
     """The state, once something holds."""
-    for _ in range(1000):  # half a minute: the machine may be late
-        state: dict[str, Any] = served.ask("GET", path).json
-        if what(state):
-            return state
-        time.sleep(0.03)
-    raise AssertionError(f"never came to be: {state}")
+    states: list[dict[str, Any]] = []
+
+    def so() -> bool:
+        states[:] = [served.ask("GET", path).json]
+        return bool(what(states[0]))
+
+    wait_until(so)
+    return states[0]
 
 
 def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Drone) -> None:
@@ -88,15 +89,13 @@ def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Dron
     assert served.ask("PUT", "/api/tags", [row]).status == 200
 
     def noise(noise_psd: float, text: str) -> dict[str, Any]:
-        for _ in range(1000):
+        def told() -> list[dict[str, Any]]:
             drone.heartbeat(SystemState.DETECTING)
             drone.pulse(time.time_ns() - SECOND_NS, noise_psd=noise_psd)
             found = served.ask("GET", "/api/first-flight").json
-            (one,) = [one for one in found if one["what"] == "noise"]
-            if text in one["text"]:
-                return dict(one)
-            time.sleep(0.03)
-        raise AssertionError(f"never told: {one}")
+            return [one for one in found if one["what"] == "noise" and text in one["text"]]
+
+        return wait_until(told)[0]
 
     first = noise(1e-3, "cannot be judged yet")
     assert (first["ok"], first["open"]) == (False, True)
@@ -107,9 +106,8 @@ def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Dron
     loud = noise(1e-3, "60 dB more than in past flights")
     assert (loud["ok"], loud["open"]) == (False, False)
     # Of another vehicle nobody knows what is normal for this one.
-    with closing(sqlite3.connect(served.directory / past / "flight.sqlite")) as database:
-        database.execute("INSERT INTO notes VALUES (1, ?)", [vehicle_note(7, "kite")])
-        database.commit()
+    note = "INSERT INTO notes VALUES (1, ?)"
+    sql(served.directory / past, note, values=[vehicle_note(7, "kite")])
     noise(1e-3, "cannot be judged yet")
 
 
@@ -170,11 +168,12 @@ def test_a_receiver_tells_this_computers_place_and_noise_does_not(served: Any) -
 
 def test_pulses_are_kept_when_nobody_reads_the_terminal_any_more(tmp_path: Path) -> None:
     port = free_udp_port()
-    command = [sys.executable, "-m", "uavrt.cli", "ground", "--no-browser", "--port", "0"]
-    command += ["-o", str(tmp_path), "--mavlink", f"udpin://127.0.0.1:{port}"]
-    station = subprocess.Popen(command, stdout=subprocess.PIPE)
+    station = launched(
+        *("-m", "uavrt.cli", "ground", "--no-browser", "--port", "0"),
+        *("-o", tmp_path, "--mavlink", f"udpin://127.0.0.1:{port}"),
+    )
     assert station.stdout is not None
-    address = station.stdout.readline().split()[4].decode()
+    address = station.stdout.readline().split()[4]
     station.stdout.close()
     drone = Drone(port)
     drone.heartbeat(SystemState.DETECTING)
@@ -182,13 +181,12 @@ def test_pulses_are_kept_when_nobody_reads_the_terminal_any_more(tmp_path: Path)
     for place in range(20):
         drone.pulse(start_ns + place * SECOND_NS // 100)
         time.sleep(0.02)
-    for _ in range(300):
+
+    def pulses() -> int:
         with urllib.request.urlopen(f"{address}api/state", timeout=10) as answer:
-            pulses = json.load(answer)["flight"]["pulses"]
-        if pulses == 20:
-            break
-        time.sleep(0.05)
+            return int(json.load(answer)["flight"]["pulses"])
+
+    wait_until(lambda: pulses() == 20)
     station.terminate()
     assert station.wait(20.0) == 0
     drone.close()
-    assert pulses == 20

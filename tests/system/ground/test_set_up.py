@@ -3,7 +3,7 @@
 import errno
 import os
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +57,8 @@ def config(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def asked(serve: Callable[..., Any], config: Path, tmp_path: Path) -> Iterator[Any]:
-    station = serve(tmp_path / "ground", drone_settings=config)
-    yield station
-    station.stop()
+def asked(serve: Callable[..., Any], config: Path, tmp_path: Path) -> Any:
+    return serve(tmp_path / "ground", drone_settings=config)
 
 
 def public_key(tmp_path: Path, kind: str = "ed25519") -> str:

@@ -3,6 +3,5 @@
 from tests.unit.mavlink.conftest import (  # noqa: F401  # fixtures
     make_world,
     thesis_tag,
-    until_fixture,
     world,
 )

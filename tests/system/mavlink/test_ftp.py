@@ -2,17 +2,16 @@
 
 import asyncio
 import re
-import subprocess
-import sys
 import threading
-import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import python
 from mavproxy import mavproxy
 from tests.unit.mavlink.test_ftp import CONTENT, flights_fixture  # noqa: F401  # fixture
+from until import until, until_async
 
 from uavrt.mavlink.ftp_wire import checksum
 from world import World
@@ -23,9 +22,7 @@ def world(make_world: Callable[..., World], flights: Path) -> World:
     return make_world(flights=flights)
 
 
-async def test_mavsdk_lists_downloads_and_compares(
-    world: World, until: Callable[..., Awaitable[None]], tmp_path: Path
-) -> None:
+async def test_mavsdk_lists_downloads_and_compares(world: World, tmp_path: Path) -> None:
     import mavsdk
     from mavsdk.plugins.ftp import Ftp
 
@@ -34,12 +31,8 @@ async def test_mavsdk_lists_downloads_and_compares(
         sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
         try:
             sdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-            for _ in range(600):
-                systems = sdk.get_systems()
-                if systems and 191 in systems[0].component_ids():
-                    break
-                time.sleep(0.05)
-            ftp = Ftp(systems[0])
+            until(lambda: sdk.get_systems() and 191 in sdk.get_systems()[0].component_ids())
+            ftp = Ftp(sdk.get_systems()[0])
             ftp.set_target_compid(191)
             listing = ftp.list_directory("/flight_log_1")
             assert {"flight.sqlite", "empty.txt"} <= names_in(listing)
@@ -56,7 +49,7 @@ async def test_mavsdk_lists_downloads_and_compares(
     async with world.flying():
         await asyncio.to_thread(client)
         # Opcode 16, and an end of a session that listing did not open.
-        await until(lambda: world.counter("ftp_refused") == 2)
+        await until_async(lambda: world.counter("ftp_refused") == 2)
         assert world.autopilot.counters()["dropped_to_ground"] == 0
 
 
@@ -68,13 +61,7 @@ async def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -
     local = tmp_path / "got.bin"
 
     def client() -> str:
-        finished = subprocess.run(
-            [sys.executable, *("-c", PYMAVLINK_CLIENT, str(world.ground_port), str(local))],
-            capture_output=True,
-            text=True,
-            timeout=90,
-            check=False,
-        )
+        finished = python("-c", PYMAVLINK_CLIENT, str(world.ground_port), local, timeout=90)
         return finished.stdout + finished.stderr
 
     async with world.flying():

@@ -11,7 +11,8 @@ from functools import partial
 
 import pytest
 from some import some
-from tests.unit.mavlink.test_links import FRAME, PING, Until
+from tests.unit.mavlink.test_links import FRAME, PING
+from until import until_async as until
 
 from uavrt.mavlink.component import Handlers
 from uavrt.mavlink.connection import Connection
@@ -20,9 +21,7 @@ from uavrt.mavlink.transport import open_link
 from uavrt.mavlink.udp import UdpLink
 
 
-async def test_a_tcp_link_talks_and_connects_again_when_the_other_side_restarts(
-    until: Until,
-) -> None:
+async def test_a_tcp_link_talks_and_connects_again_when_the_other_side_restarts() -> None:
     heard: list[Frame] = []
     arrived: list[bytes] = []
     writers: list[asyncio.StreamWriter] = []
@@ -50,7 +49,7 @@ async def test_a_tcp_link_talks_and_connects_again_when_the_other_side_restarts(
 
 
 def test_a_serial_link_talks_through_a_terminal_and_comes_back_after_a_hang_up(
-    until: Until, tmp_path: os.PathLike[str]
+    tmp_path: os.PathLike[str],
 ) -> None:
     device = os.path.join(tmp_path, "tty")
 
@@ -91,9 +90,7 @@ def test_a_serial_link_talks_through_a_terminal_and_comes_back_after_a_hang_up(
     asyncio.run(main())
 
 
-async def test_a_serial_link_that_is_not_drained_drops_whole_frames_and_counts(
-    until: Until,
-) -> None:
+async def test_a_serial_link_that_is_not_drained_drops_whole_frames_and_counts() -> None:
     master, slave = pty.openpty()
     link = await open_link(f"serial://{os.ttyname(slave)}:57600", lambda frame: None)
     os.set_blocking(master, False)
@@ -114,7 +111,7 @@ async def test_a_serial_link_that_is_not_drained_drops_whole_frames_and_counts(
     os.close(slave)
 
 
-async def test_a_serial_link_reports_how_long_a_frame_would_wait(until: Until) -> None:
+async def test_a_serial_link_reports_how_long_a_frame_would_wait() -> None:
     master, slave = pty.openpty()
     link = await open_link(f"serial://{os.ttyname(slave)}:57600", lambda frame: None)
     os.set_blocking(master, False)
@@ -134,9 +131,7 @@ async def test_a_serial_link_reports_how_long_a_frame_would_wait(until: Until) -
     os.close(slave)
 
 
-async def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial_port(
-    until: Until,
-) -> None:
+async def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial_port() -> None:
     master, slave = pty.openpty()
     connection = Connection(Handlers(attitude=print, position=print, tunnel=print), lambda: 0)
     serving = asyncio.create_task(connection.serve(0, f"serial://{os.ttyname(slave)}:57600"))
@@ -158,9 +153,7 @@ async def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial
     os.close(slave)
 
 
-async def test_a_command_of_motion_does_not_queue_behind_what_a_tcp_peer_leaves_unread(
-    until: Until,
-) -> None:
+async def test_a_command_of_motion_does_not_queue_behind_what_a_peer_leaves_unread() -> None:
     """The system takes it all the same, and sends it when the peer reads again."""
     server = socket.create_server(("127.0.0.1", 0))
     server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -215,7 +208,7 @@ class Stumbling:
 
 @pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
 async def test_a_frame_that_its_handler_fails_at_is_counted_and_reading_goes_on(
-    kind: str, until: Until, capsys: pytest.CaptureFixture[str]
+    kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     handler = Stumbling(2)
     async with contextlib.AsyncExitStack() as stack:

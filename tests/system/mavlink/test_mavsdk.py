@@ -3,13 +3,13 @@
 import asyncio
 import json
 import struct
-from collections.abc import Awaitable, Callable
 from contextlib import aclosing
 
 import pytest
 from mavsdk.asyncio.mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.plugins.mavlink_direct import MavlinkMessage
+from until import until_async as until
 
 from uavrt.commands import SystemState
 from uavrt.messages import Tag
@@ -18,7 +18,6 @@ from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
 from uavrt.tunnel.g1 import AckG1, PulseG1
 from world import World
 
-Until = Callable[..., Awaitable[None]]
 START_TAGS, END_TAGS, STOP = (struct.pack("<I", number) for number in (2, 3, 6))
 THESIS_TAG_G0 = bytes.fromhex(  # golden
     "04000000020000007022dd0814000000e6040000000000003c0000000a00000003000000000000007b14ae47"
@@ -81,7 +80,6 @@ class MavsdkStation:
 async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
     world: World,
     thesis_tag: Tag,
-    until: Until,
     numbers: tuple[int, int] | None,
     generation: str,
 ) -> None:
@@ -105,7 +103,7 @@ async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
         await asyncio.sleep(0)
         for count, payload in enumerate((START_TAGS, *SENT[generation]), start=1):
             await station.send(payload)
-            await until(lambda count=count: len(station.acknowledgements()) == count)
+            await until(lambda n=count: len(station.acknowledgements()) == n)  # type: ignore[misc]
         acks = station.acknowledgements()
         assert [ack.acked_command for ack in acks] == [2, 4, 3, 5]
         # The first command does not show of which version its sender is.

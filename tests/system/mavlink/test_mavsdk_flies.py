@@ -1,7 +1,6 @@
 """A client that nobody here wrote flies the simulated autopilot: MAVSDK, as a pilot does."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -10,6 +9,7 @@ from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.plugins.action import ActionError
 from mission_wire import OWN, VEHICLE, MissionWire
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
@@ -22,7 +22,6 @@ from uavrt.messages import KeepOut, VehicleFence
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.simulation.flying import MODES, Flavour, Frame
 
-Until = Callable[..., Awaitable[None]]
 FENCE = VehicleFence(
     within=(KeepOut(places=((46.4, 7.9), (46.4, 8.1), (46.6, 8.0))),),
     keep_out=(KeepOut(places=((46.5, 8.0),), radius_m=25.0),),
@@ -69,7 +68,7 @@ def held_item(item: Any) -> MissionItem:
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 async def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
-    world: Any, until: Until, flavour: Flavour
+    world: Any, flavour: Flavour
 ) -> None:
     port = free_udp_port()
     clock = Clock.start()

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import json
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,17 +15,14 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.plugins.component_metadata import MetadataType
 from mavsdk.plugins.param import ParamError, ProtocolVersion
 from tests.unit.mavlink.test_parameters import ready, values_of
+from until import until_async as until
 
 from uavrt.config.parameters import OFFERED
 from world import World
 
-Until = Callable[..., Awaitable[None]]
-
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
-async def test_mavsdk_lists_sets_and_reads_our_parameters(
-    world: World, until: Until, flavour: str
-) -> None:
+async def test_mavsdk_lists_sets_and_reads_our_parameters(world: World, flavour: str) -> None:
     configuration = Configuration.create_manual(255, 190, True)
     async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
@@ -52,7 +49,7 @@ async def test_mavsdk_lists_sets_and_reads_our_parameters(
     configuration.destroy()
 
 
-async def test_mavsdk_gets_our_metadata_by_file_transfer(world: World, until: Until) -> None:
+async def test_mavsdk_gets_our_metadata_by_file_transfer(world: World) -> None:
     configuration = Configuration.create_manual(255, 190, True)
     async with world.flying(), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")

@@ -4,5 +4,4 @@ from tests.unit.processes.conftest import (  # noqa: F401  # fixtures
     bay,
     make_bay,
     two_link_bay,
-    until_fixture,
 )

@@ -2,11 +2,12 @@
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.commands import SystemState
 from uavrt.ground.fetch.ftp_client import FileClient
@@ -25,7 +26,6 @@ from uavrt.recording.spool import undelivered
 from uavrt.tunnel.exchange import Exchange
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
 
 
 class Stall:
@@ -43,7 +43,7 @@ class Stall:
 
 @pytest.mark.parametrize("place", ["spool", "listing"])
 async def test_pulses_and_answers_go_on_while_the_disk_stalls(
-    bay: Bay, until: Until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+    bay: Bay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     if place == "spool":
         stall = Stall(undelivered)
@@ -88,14 +88,11 @@ async def test_jobs_are_done_one_after_the_other_and_are_bounded() -> None:
 
     disk.start()
     assert disk(lambda: go.wait(60.0), lambda result: None)
-    while disk.waiting:  # noqa: ASYNC110
-        await asyncio.sleep(0.001)
+    await until(lambda: not disk.waiting)
     taken = [disk(job(number), done.append) for number in range(40)]
     assert taken == [True] * MOST_JOBS + [False] * (40 - MOST_JOBS)
     go.set()
-    async with asyncio.timeout(20.0):
-        while len(done) < MOST_JOBS:  # noqa: ASYNC110
-            await asyncio.sleep(0.001)
+    await until(lambda: len(done) >= MOST_JOBS)
     assert done == list(range(MOST_JOBS))
 
 
@@ -103,10 +100,7 @@ async def test_a_fault_in_a_job_is_kept_to_be_raised() -> None:
     disk = DiskThread()
     disk.start()
     disk(lambda: 1 // 0, lambda result: None)
-    async with asyncio.timeout(20.0):
-        while disk.failure is None:  # noqa: ASYNC110
-            await asyncio.sleep(0.001)
-    assert isinstance(disk.failure, ZeroDivisionError)
+    await until(lambda: isinstance(disk.failure, ZeroDivisionError))
 
 
 def test_a_disk_that_stalls_is_asked_for_its_space_once(tmp_path: Path) -> None:

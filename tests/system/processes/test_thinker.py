@@ -1,11 +1,11 @@
 """A search thinks beside the guide's own work."""
 
 import threading
-import time
 from dataclasses import replace
 from typing import Any
 
 from searched import Animal, Searched
+from until import until
 
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.seeker import Choice
@@ -36,15 +36,6 @@ def now_at(time_s: float) -> VehicleNow:
     return replace(now, time_s=time_s)
 
 
-def thoughts_of(thinker: Thinker) -> list[Any]:
-    for _ in range(500):
-        found = thinker.thoughts()
-        if found:
-            return found
-        time.sleep(0.01)
-    raise AssertionError
-
-
 def test_nothing_waits_for_a_slow_decision() -> None:
     slow: Any = Slow()
     thinker = Thinker(slow)
@@ -53,7 +44,8 @@ def test_nothing_waits_for_a_slow_decision() -> None:
         thinker.pulse(None)  # type: ignore[arg-type]
         assert thinker.thoughts() == []
     slow.go.set()
-    (choice,) = thoughts_of(thinker)
+    (choice,) = until(thinker.thoughts)
+    assert isinstance(choice, Choice)
     assert choice.said == "idle True"
     assert slow.asked == 1
 
@@ -65,7 +57,7 @@ def test_decisions_under_way_are_a_cycle_apart() -> None:
     for time_s in (100.0, 100.0 + 0.9 * CYCLE_S, 100.0 + 1.1 * CYCLE_S):
         thinker.ask(0, now_at(time_s), idle=False)
         if time_s != 100.0 + 0.9 * CYCLE_S:
-            thoughts_of(thinker)
+            until(thinker.thoughts)
     assert slow.asked == 2
 
 
@@ -73,7 +65,7 @@ def test_a_fault_of_ours_ends_the_search() -> None:
     broken: Any = object()
     thinker = Thinker(broken)
     thinker.ask(0, now_at(100.0), idle=True)
-    (failed,) = thoughts_of(thinker)
+    (failed,) = until(thinker.thoughts)
     assert isinstance(failed, Failed)
     assert "has failed" in failed.reason
 
@@ -84,11 +76,7 @@ def test_the_last_thought_sums_up() -> None:
     search.run(3.0)
     thinker = Thinker(search.seeker)
     thinker.end(search.time_ns, now_at(search.flown.time_s), "a pilot took over")
-    (note,) = thoughts_of(thinker)
+    (note,) = until(thinker.thoughts)
     assert isinstance(note, SearchNote)
     assert (note.event, note.reason) == ("ended", "a pilot took over")
-    for _ in range(500):
-        if thinker.over:
-            break
-        time.sleep(0.01)
-    assert thinker.over
+    until(lambda: thinker.over)

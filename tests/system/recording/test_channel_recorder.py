@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from contextlib import closing
 from itertools import pairwise
@@ -14,6 +12,8 @@ import made
 import numpy as np
 import pytest
 import sigmf
+from command_line import launched
+from numpy.typing import NDArray
 from tests.unit.recording.test_channel_recorder import (
     CENTER_HZ,
     RATE_HZ,
@@ -25,9 +25,11 @@ from tests.unit.recording.test_channel_recorder import (
     read,
     recorder,
 )
+from until import until
 
 from uavrt.radio.opening import open_recording
 from uavrt.recording import channel_recorder
+from uavrt.recording.channel_recorder import ChannelRecorder
 from uavrt.recording.layout import FlightLayout
 
 
@@ -37,15 +39,25 @@ def soon_written(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(channel_recorder, "FLUSH_S", 0.1)
 
 
+def put(keeping: ChannelRecorder, sent: NDArray[np.complex64], first: int = 0) -> None:
+    """Until they are taken."""
+    for some in blocks(sent, first=first):
+        keeping.put([some])
+    until(lambda: not keeping._waiting_bytes)
+
+
+def store(keeping: ChannelRecorder, sent: NDArray[np.complex64], first: int = 0) -> None:
+    """Until they are on the disk."""
+    put(keeping, sent, first)
+    end = first + len(sent)
+    until(lambda: keeping.written_samples + keeping.dropped_samples >= end)
+
+
 def test_a_signal_that_grows_is_never_clipped(tmp_path: Path) -> None:
     grows = noise(60_000) + np.geomspace(1e-4, 1.0, 60_000).astype(np.complex64)
     keeping = recorder(tmp_path / "flight")
-    for some in blocks(grows[:30_000]):
-        keeping.put([some])
-    while keeping.written_samples < 30_000:  # the second half meets a file that is open
-        time.sleep(0.01)
-    for some in blocks(grows[30_000:], first=30_000):
-        keeping.put([some])
+    store(keeping, grows[:30_000])  # the second half meets a file that is open
+    store(keeping, grows[30_000:], 30_000)
     keeping.close()
     parts = [read(path) for path in pieces(tmp_path / "flight")]
     assert len(parts) == 2
@@ -62,10 +74,7 @@ def test_noise_that_falls_is_kept_in_finer_steps(tmp_path: Path) -> None:
     keeping = recorder(flight)
     keeping.put(blocks(sent[:1])[:1])
     for part in (slice(1, 22_500), slice(22_500, 30_000)):
-        for some in blocks(sent[part], first=part.start):
-            keeping.put([some])
-        while keeping.written_samples < part.stop:
-            time.sleep(0.01)
+        store(keeping, sent[part], part.start)
     keeping.close()
     last = read(pieces(flight)[-1])
     assert len(pieces(flight)) > 1
@@ -79,10 +88,7 @@ def test_a_strong_signal_takes_16_bits_only_while_it_lasts(tmp_path: Path) -> No
     sent[60_000:65_000] += np.complex64(1e-2)
     keeping = recorder(flight)
     for first in range(0, len(sent), 7_500):
-        for some in blocks(sent[first : first + 7_500], first=first):
-            keeping.put([some])
-        while keeping.written_samples < first + 7_500:
-            time.sleep(0.01)
+        store(keeping, sent[first : first + 7_500], first)
     keeping.close()
     kept = pieces(flight)
     formats = [json.loads(path.read_text())["global"]["core:datatype"] for path in kept]
@@ -99,12 +105,8 @@ def test_a_radio_that_gives_nothing_but_zeros_ends_nothing(tmp_path: Path) -> No
     sent = noise(30_000)
     sent[:15_000] = 0.0
     keeping = recorder(flight)
-    for some in blocks(sent[:15_000]):
-        keeping.put([some])
-    while keeping._waiting_bytes:  # the zeros are taken by themselves
-        time.sleep(0.01)
-    for some in blocks(sent[15_000:], first=15_000):
-        keeping.put([some])
+    put(keeping, sent[:15_000])  # the zeros are taken by themselves
+    put(keeping, sent[15_000:], 15_000)
     keeping.close()
     assert keeping.trouble is None
     assert keeping.dropped_samples == 0
@@ -125,10 +127,7 @@ def test_samples_lost_in_between_do_not_count_as_silence(tmp_path: Path, lost: f
         flight = tmp_path / name
         keeping = recorder(flight)
         for first in range(first_s, len(sent), 3_750):
-            for some in blocks(sent[first : first + 3_750], first=first):
-                keeping.put([some])
-            while keeping._waiting_bytes:
-                time.sleep(0.01)
+            put(keeping, sent[first : first + 3_750], first)
         keeping.close()
         formats = [json.loads(path.read_text()) for path in pieces(flight)]
         assert [one["global"]["core:datatype"] for one in formats] == ["ci8"]
@@ -138,10 +137,7 @@ def test_a_long_flight_keeps_its_newest_samples_within_the_budget(tmp_path: Path
     keeping = recorder(tmp_path / "flight", budget_mb=1.0)
     sent = noise(1_200_000)  # 2.4 MB
     for at in range(0, len(sent), 120_000):
-        for some in blocks(sent[at : at + 120_000], first=at):
-            keeping.put([some])
-        while keeping.written_samples + keeping.dropped_samples < at + 120_000:
-            time.sleep(0.01)
+        store(keeping, sent[at : at + 120_000], at)
     keeping.close()
     kept = [read(path) for path in pieces(tmp_path / "flight")]
     stored = sum(len(one) for one in kept)
@@ -162,17 +158,15 @@ def test_a_stuck_disk_never_holds_up_the_caller_and_costs_counted_samples(
     keeping = recorder(tmp_path / "flight")
     sent = 0
     large = noise(100_000)
-    for number in range(30):  # 24 MB
-        (some,) = [
-            made.channel_block(
-                large,
-                number * len(large),
-                RATE_HZ,
-                channel=3,
-                center_frequency_hz=CENTER_HZ,
-                time_ns=START_NS + round(number * len(large) / RATE_HZ * 1e9),
-            )
-        ]
+    for _ in range(30):  # 24 MB
+        some = made.channel_block(
+            large,
+            sent,
+            RATE_HZ,
+            channel=3,
+            center_frequency_hz=CENTER_HZ,
+            time_ns=START_NS + round(sent / RATE_HZ * 1e9),
+        )
         keeping.put([some])
         sent += len(large)
     assert 6e5 < keeping.dropped_samples < 15e5
@@ -196,11 +190,9 @@ def test_what_was_written_before_a_kill_can_be_read(tmp_path: Path) -> None:
         "print('written', flush=True); time.sleep(60)\n"
     )
     root = str(Path(__file__).parents[3])
-    child = subprocess.Popen(
-        [sys.executable, "-c", program, str(tmp_path / "flight"), root], stdout=subprocess.PIPE
-    )
+    child = launched("-c", program, tmp_path / "flight", root)
     assert child.stdout is not None
-    assert child.stdout.readline() == b"written\n"
+    assert child.stdout.readline() == "written\n"
     child.send_signal(signal.SIGKILL)
     child.wait()
     child.stdout.close()
@@ -215,10 +207,7 @@ def test_what_was_written_before_a_kill_can_be_read(tmp_path: Path) -> None:
 def test_long_samples_are_cut_into_pieces_that_follow_each_other(tmp_path: Path) -> None:
     keeping = recorder(tmp_path / "flight", budget_mb=2.0)  # pieces of 16.7 s
     for at in range(0, 300_000, 50_000):
-        for some in blocks(noise(50_000, seed=at), first=at):
-            keeping.put([some])
-        while keeping.written_samples < at + 50_000:
-            time.sleep(0.01)
+        store(keeping, noise(50_000, seed=at), at)
     keeping.close()
     ends = []
     for path in pieces(tmp_path / "flight"):

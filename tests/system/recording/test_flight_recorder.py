@@ -2,12 +2,12 @@
 
 import random
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numbered
+from command_line import launched
+from some import some
 
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
@@ -62,13 +62,8 @@ def test_kills_at_random_moments_lose_and_double_nothing(tmp_path: Path) -> None
     recorded = 0
     for _ in range(6):
         before = recorded
-        writer = subprocess.Popen(
-            [sys.executable, "-c", WRITER, info.directory, str(recorded), str(tmp_path)],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert writer.stdout is not None
-        writer.stdout.readline()  # it is at work
+        writer = launched("-c", WRITER, info.directory, str(recorded), tmp_path)
+        some(writer.stdout).readline()  # it is at work
         time.sleep(moments.uniform(0.0, 0.12))
         writer.send_signal(signal.SIGKILL)
         reports = writer.communicate()[0].splitlines(keepends=True)

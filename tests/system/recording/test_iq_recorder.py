@@ -3,14 +3,13 @@
 import json
 import os
 import select
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import sigmf
+from command_line import python
 from tests.unit.recording.test_iq_recorder import BLOCK, block, check_places, recorder
 
 
@@ -94,12 +93,7 @@ print(json.dumps([recording.written_samples, recording.dropped_samples, recordin
 
 def test_a_full_disk_costs_the_blocks_of_its_time_and_no_others(tmp_path: Path) -> None:
     root = str(Path(__file__).parents[3])
-    child = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path / "band"), root],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    child = python("-c", FULL_DISK, tmp_path / "band", root)
     assert child.returncode == 0, child.stderr
     written, dropped, gaps, trouble, size = json.loads(child.stdout)
     assert (written, dropped, gaps) == (22 * BLOCK, 8 * BLOCK, 1)

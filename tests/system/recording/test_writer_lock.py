@@ -1,8 +1,9 @@
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
+
+from command_line import launched
+from some import some
 
 from uavrt.recording.writer_lock import WriterLock
 
@@ -18,12 +19,9 @@ time.sleep(60)
 
 def test_a_flight_has_one_writer_until_that_one_ends_however_it_ends(tmp_path: Path) -> None:
     flight = tmp_path / "flight"
-    holder = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(flight)], stdout=subprocess.PIPE, text=True
-    )
+    holder = launched("-c", HOLDER, flight)
     try:
-        assert holder.stdout is not None
-        assert holder.stdout.readline() == "True\n"
+        assert some(holder.stdout).readline() == "True\n"
         ours = WriterLock()
         assert not ours.take(flight, 0.1)
         os.kill(holder.pid, signal.SIGKILL)
@@ -32,9 +30,7 @@ def test_a_flight_has_one_writer_until_that_one_ends_however_it_ends(tmp_path: P
         ours.release()
     finally:
         holder.kill()
-        holder.wait()
-        if holder.stdout is not None:
-            holder.stdout.close()
+        holder.communicate()
 
 
 def test_a_place_that_cannot_be_made_has_no_lock(tmp_path: Path) -> None:

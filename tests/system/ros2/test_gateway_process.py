@@ -1,7 +1,6 @@
 """The real gateway process on the loopback, seen by a second participant."""
 
 import socket
-from collections.abc import Callable
 from typing import Any
 
 import made
@@ -23,10 +22,6 @@ from uavrt.ros2.cdr import encode
 from uavrt.ros2.convert import pulse_pose_to_ros, pulse_to_ros, tag_to_ros
 from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.interface import full_name, type_hash
-
-PULSE = "uavrt_interfaces/msg/Pulse"
-ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
-INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
 TAGS = tuple(
     made.tag(
@@ -74,36 +69,12 @@ def a_process(
     )
 
 
-def node_list(ros_peer: Any, read: Any) -> Any:
-    """The newest list of nodes that the gateway has told."""
-    found: list[Any] = []
-
-    def come() -> bool:
-        found.extend(ros_peer.read(cdr, INFO) for cdr in read())
-        return bool(found)
-
-    until(come)
-    return found[-1]
-
-
-def collect(read: Any, complete: Callable[[list[bytes]], bool] = bool) -> list[bytes]:
-    """Samples until they are complete; by default, until there is one."""
-    found: list[bytes] = []
-
-    def enough() -> bool:
-        found.extend(read())
-        return bool(found) and complete(found)
-
-    until(enough)
-    return found
-
-
 def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
     launch: Any, ros_peer: Any
 ) -> None:
-    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    infos = ros_peer.listen("ros_discovery_info")
     gateway = launch()
-    info = node_list(ros_peer, read)
+    info = infos.newest()
     nodes = {node.node_name: node for node in info.node_entities_info_seq}
     assert set(nodes) == {
         "StartStopComponent",
@@ -120,7 +91,7 @@ def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
         subscribed = [t for t in TOPICS.values() if name in t.subscribers]
         assert len(node.reader_gid_seq) == len(subscribed)
     assert gateway.close() == 0
-    assert len(node_list(ros_peer, read).node_entities_info_seq) == 0
+    assert len(infos.newest().node_entities_info_seq) == 0
 
 
 def test_every_topic_has_the_name_type_hash_and_quality_of_service_of_ros_2(
@@ -142,8 +113,8 @@ def test_every_topic_has_the_name_type_hash_and_quality_of_service_of_ros_2(
 def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
     launch: Any, ros_peer: Any
 ) -> None:
-    pulses = ros_peer.listen("pulse", PULSE)
-    poses = ros_peer.listen("pulse_pose", "uavrt_interfaces/msg/PulsePose")
+    pulses = ros_peer.listen("pulse")
+    poses = ros_peer.listen("pulse_pose")
     gateway = launch(flight=FLIGHT)
     until(lambda: {"rt/pulse", "rt/pulse_pose"} <= set(ros_peer.endpoints()))
     gateway.receive("health")
@@ -165,18 +136,18 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
         gateway.send("pulse", pulse)
         gateway.send("pulse_pose", PulsePose(pulse=pulse, pose=None))
     last = encode(pulse_to_ros(sent[-1], directory))
-    got = collect(pulses, lambda got: trimmed(got[-1], last))
+    got = pulses.collect(lambda got: trimmed(got[-1], last))
     expected = [encode(pulse_to_ros(pulse, directory)) for pulse in sent[1:]]
     later = [cdr for cdr in got if not trimmed(cdr, encode(pulse_to_ros(sent[0], directory)))]
     assert len(later) == len(expected)
     for cdr, ours in zip(later, expected, strict=True):
         assert trimmed(cdr, ours)
-    message = ros_peer.read(later[0], PULSE)
+    message = ros_peer.read(later[0], "pulse")
     assert message.frequency == pytest.approx(148.7200125)
     assert message.start_time.nanosec == sent[1].start_time_ns % 10**9
     absent = encode(pulse_pose_to_ros(PulsePose(pulse=sent[-1], pose=None), directory))
-    with_pose = collect(poses, lambda got: trimmed(got[-1], absent))
-    theirs = ros_peer.read(with_pose[-1], "uavrt_interfaces/msg/PulsePose")
+    with_pose = poses.collect(lambda got: trimmed(got[-1], absent))
+    theirs = ros_peer.read(with_pose[-1], "pulse_pose")
     assert theirs.antenna_pose.position.x != theirs.antenna_pose.position.x
 
 
@@ -189,19 +160,14 @@ def test_tags_start_and_stop_become_commands_for_the_supervisor(
     launch: Any, ros_peer: Any
 ) -> None:
     gateway = launch()
-    for topic, name in (
-        ("store_tag_information", "uavrt_interfaces/msg/Tag"),
-        ("release_tag_information", "std_msgs/msg/Bool"),
-        ("control_start_subprocess", ARRAY),
-        ("control_stop_subprocess", ARRAY),
-    ):
-        ros_peer.advertise(topic, name)
+    ros_peer.advertise("store_tag_information", "release_tag_information")
+    ros_peer.advertise("control_start_subprocess", "control_stop_subprocess")
     for tag in TAGS:
-        ros_peer.publish("store_tag_information", tag_message(ros_peer, tag))
+        ros_peer.publish("store_tag_information", ros_peer.tag(tag_to_ros(tag)))
     commands = gateway.receive("command", 4)
     assert [c.name for c in commands] == ["start_tags", "add_tag", "add_tag", "add_tag"]
     assert [c.tag for c in commands[1:]] == list(TAGS)
-    ros_peer.publish("release_tag_information", ros_peer.new("std_msgs/msg/Bool", True))
+    ros_peer.publish("release_tag_information", ros_peer.release())
     assert gateway.receive("command")[0].name == "end_tags"
     ros_peer.publish(
         "control_start_subprocess",
@@ -218,21 +184,15 @@ def test_tags_start_and_stop_become_commands_for_the_supervisor(
     assert sorted(set(numbers)) == numbers
 
 
-def tag_message(ros_peer: Any, tag: Tag) -> Any:
-    ours = tag_to_ros(tag)
-    names = type(ours).__slots__
-    return ros_peer.new("uavrt_interfaces/msg/Tag", *(getattr(ours, name) for name in names))
-
-
 def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
     launch: Any, ros_peer: Any
 ) -> None:
-    tags = ros_peer.listen("store_tag_information", "uavrt_interfaces/msg/Tag")
-    start = ros_peer.listen("control_start_subprocess", ARRAY)
-    detector = ros_peer.listen("control_detector_subprocess", ARRAY)
+    tags = ros_peer.listen("store_tag_information")
+    start = ros_peer.listen("control_start_subprocess")
+    detector = ros_peer.listen("control_detector_subprocess")
     gateway = launch()
     number = iter(range(1, 1000))
-    seen: list[bytes] = []
+    seen: list[Any] = []
     starts: list[bytes] = []
     stored: list[bytes] = []
 
@@ -250,7 +210,7 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
         ask("add_tag", TAGS[0])
         gateway.send("flight", FLIGHT)
         gateway.send("flight_end", FLIGHT)
-        seen.extend(detector())
+        seen.extend(detector.messages())
         starts.extend(start())
         stored.extend(tags())
         return bool(starts) and bool(stored) and bool(seen)
@@ -259,7 +219,7 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
     ask("add_tag", TAGS[1])
     second = encode(tag_to_ros(TAGS[1]))
     # Some of the first tag may still be on their way.
-    shown = collect(tags, lambda got: trimmed(got[-1], second))
+    shown = tags.collect(lambda got: trimmed(got[-1], second))
     first_tag = encode(tag_to_ros(TAGS[0]))
     assert all(trimmed(cdr, first_tag) for cdr in shown[:-1])
     ids: set[str] = set()
@@ -267,8 +227,8 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
     def each_tag_has_its_detector() -> bool:
         gateway.send("flight", FLIGHT)
         gateway.send("flight_end", FLIGHT)
-        seen.extend(detector())
-        ids.update(ros_peer.read(cdr, ARRAY).status[0].hardware_id for cdr in seen)
+        seen.extend(detector.messages())
+        ids.update(message.status[0].hardware_id for message in seen)
         return len(ids) >= 4
 
     until(each_tag_has_its_detector)
@@ -279,7 +239,7 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
     launch: Any, ros_peer: Any
 ) -> None:
     names = ("airspy_csdr_netcat", "channelizer", "detector")
-    reads = {name: ros_peer.listen(f"status_{name}_subprocess", ARRAY) for name in names}
+    reads = {name: ros_peer.listen(f"status_{name}_subprocess") for name in names}
     gateway = launch(flight=FLIGHT)
     found: dict[str, Any] = {}
 
@@ -294,8 +254,7 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
             ),
         )
         for name, read in reads.items():
-            for cdr in read():
-                message = ros_peer.read(cdr, ARRAY)
+            for message in read.messages():
                 if message.status:
                     found[name] = message
         return set(found) == set(names)
@@ -317,7 +276,7 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
 def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
     launch: Any, ros_peer: Any
 ) -> None:
-    read = ros_peer.listen("pulse", PULSE)
+    read = ros_peer.listen("pulse")
     gateway = launch(flight=FLIGHT)
     beats: list[Any] = []
 
@@ -330,7 +289,7 @@ def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
                 a_process("detector-2", running=False, tag_ids=(4,)),
             ),
         )
-        beats.extend(ros_peer.read(cdr, PULSE) for cdr in read())
+        beats.extend(read.messages())
         ids = [beat.tag_id for beat in beats]
         return ids.count(2) >= 2 and ids.count(6) >= 2
 
@@ -340,37 +299,37 @@ def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
 
 
 def test_the_antenna_s_pose_and_the_log_are_told(launch: Any, ros_peer: Any) -> None:
-    poses = ros_peer.listen("antenna_pose", "geometry_msgs/msg/PoseStamped")
-    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    poses = ros_peer.listen("antenna_pose")
+    logs = ros_peer.listen("rosout")
     gateway = launch()
     gateway.send("status_text", StatusText(severity=3, text="radio absent"))
     told: list[Any] = []
 
     def come() -> bool:
         gateway.send("poses", Poses(poses=(POSE,)))
-        told.extend(poses())
+        told.extend(poses.messages())
         return bool(told)
 
     until(come)
-    message = ros_peer.read(told[0], "geometry_msgs/msg/PoseStamped")
+    message = told[0]
     assert message.header.frame_id == "antenna_pose"
     assert message.header.stamp.nanosec == POSE.time_ns % 10**9
     assert (message.pose.position.x, message.pose.position.y) == (47.0, 8.5)
     # The log reaches whoever comes late: it was written before we were found.
-    line = ros_peer.read(collect(logs)[0], "rcl_interfaces/msg/Log")
+    line = ros_peer.read(logs.collect()[0], "rosout")
     assert (line.level, line.msg, line.name) == (40, "radio absent", "StartStopComponent")
 
 
 def test_a_refused_command_is_told_with_its_reason(launch: Any, ros_peer: Any) -> None:
-    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    logs = ros_peer.listen("rosout")
     gateway = launch()
-    ros_peer.advertise("control_start_subprocess", ARRAY)
+    ros_peer.advertise("control_start_subprocess")
     ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     (command,) = gateway.receive("command")
     gateway.send(
         "command_reply", made.reply(command, message="no tags: send tags first", accepted=False)
     )
-    line = ros_peer.read(collect(logs)[-1], "rcl_interfaces/msg/Log")
+    line = logs.newest()
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")
 
 
@@ -378,20 +337,19 @@ def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
     launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     gateway = launch()
-    ros_peer.advertise("store_tag_information", "uavrt_interfaces/msg/Tag")
-    ros_peer.advertise("control_start_subprocess", ARRAY)
+    ros_peer.advertise("store_tag_information", "control_start_subprocess")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for port in (10, 11, 12, 13):
             for length in (0, 20, 1000):
                 place = ("127.0.0.1", 7400 + 250 * ros_domain + port)
                 stranger.sendto(b"RTPS\2\1" + b"\xff" * length, place)
-    nobody = ros_peer.new("uavrt_interfaces/msg/Tag", *([0] * 9))
-    ros_peer.publish("store_tag_information", nobody)
+    ros_peer.publish("store_tag_information", ros_peer.tag())
     ros_peer.publish("control_start_subprocess", ros_peer.order("launch the missiles"))
     ros_peer.publish("control_start_subprocess", ros_peer.order("start", gain="much"))
-    empty = ros_peer.new(ARRAY, ros_peer.order("start").header, [])
+    empty = ros_peer.order("start")
+    empty.status = []
     ros_peer.publish("control_start_subprocess", empty)
-    ros_peer.publish("store_tag_information", tag_message(ros_peer, TAGS[0]))
+    ros_peer.publish("store_tag_information", ros_peer.tag(tag_to_ros(TAGS[0])))
     assert [c.name for c in gateway.receive("command", 2)] == ["start_tags", "add_tag"]
 
     def refused() -> float:
@@ -403,15 +361,14 @@ def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
 def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
     launch: Any, ros_peer: Any
 ) -> None:
-    status = ros_peer.listen("status_detector_subprocess", ARRAY)
+    status = ros_peer.listen("status_detector_subprocess")
     launch()
-    ros_peer.advertise("control_detector_subprocess", ARRAY)
+    ros_peer.advertise("control_detector_subprocess")
     echoes: list[Any] = []
 
     def refused() -> bool:
         ros_peer.publish("control_detector_subprocess", ros_peer.order("stop"))
-        messages = [ros_peer.read(cdr, ARRAY) for cdr in status()]
-        echoes.extend(m.status[0] for m in messages if m.status)
+        echoes.extend(m.status[0] for m in status.messages() if m.status)
         return bool(echoes)
 
     until(refused)
@@ -423,7 +380,7 @@ def test_commands_are_not_obeyed_where_the_settings_forbid_them(
     launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, accept_commands=False))
-    ros_peer.advertise("control_stop_subprocess", ARRAY)
+    ros_peer.advertise("control_stop_subprocess")
     ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
 
     def counters() -> dict[str, float]:

@@ -15,8 +15,6 @@ from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.interface import type_hash
 from uavrt.ros2.messages import graph_messages
 
-INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-
 
 def test_the_domain_comes_from_the_environment(
     launch: Any, ros_peer: Any, ros_domain: int
@@ -40,32 +38,26 @@ def test_a_site_s_own_configuration_of_cyclone_is_honoured(
     until(lambda: trace.exists() and trace.stat().st_size > 0)
 
 
-def test_a_domain_that_is_none_keeps_the_gateway_off_and_says_why(launch: Any) -> None:
-    gateway = launch(Ros2Settings(enabled=True), ROS_DOMAIN_ID="field")
-    (health,) = gateway.receive("health")
-    assert not health.ok
-    assert "ROS_DOMAIN_ID" in health.status
-    assert gateway.close() == 0
-
-
-def test_an_interface_that_is_not_there_keeps_the_gateway_off_and_says_why(
-    launch: Any, ros_domain: int
-) -> None:
-    gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, interfaces=("nosuch0",)))
-    (health,) = gateway.receive("health")
-    assert not health.ok
-    assert "[ros2] interfaces" in health.status
-    assert gateway.close() == 0
-
-
-def test_without_the_extra_the_gateway_stays_off_and_says_so(
-    launch: Any, tmp_path: Any
+@pytest.mark.parametrize(
+    ("values", "environment", "named"),
+    [
+        ({}, {"ROS_DOMAIN_ID": "field"}, "ROS_DOMAIN_ID"),
+        ({"interfaces": ("nosuch0",)}, {}, "[ros2] interfaces"),
+        ({}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "FAR"}, "ROS_AUTOMATIC_DISCOVERY_RANGE"),
+        ({}, {"PYTHONPATH": "without_cyclone"}, "uavrt[ros2] is not installed"),
+    ],
+)
+def test_what_cannot_be_keeps_the_gateway_off_and_says_why(
+    launch: Any, ros_domain: int, tmp_path: Any, values: Any, environment: Any, named: str
 ) -> None:
     (tmp_path / "cyclonedds.py").write_text("raise ImportError('no wheel for this computer')")
-    gateway = launch(PYTHONPATH=str(tmp_path))
+    if "PYTHONPATH" in environment:
+        environment = {"PYTHONPATH": str(tmp_path)}
+    domain_id = None if "ROS_DOMAIN_ID" in environment else ros_domain
+    gateway = launch(Ros2Settings(enabled=True, domain_id=domain_id, **values), **environment)
     (health,) = gateway.receive("health")
     assert not health.ok
-    assert "uavrt[ros2] is not installed" in health.status
+    assert named in health.status
     assert gateway.close() == 0
 
 
@@ -78,16 +70,9 @@ def test_humble_and_galactic_get_their_longer_identifiers(
     del ros_peer.types.fielddefs["rmw_dds_common/msg/Gid"]
     ros_peer.types.types.pop("rmw_dds_common/msg/Gid")
     ros_peer.types.register(get_types_from_msg(text, "rmw_dds_common/msg/Gid"))
-    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    infos = ros_peer.listen("ros_discovery_info")
     launch(Ros2Settings(enabled=True, domain_id=ros_domain, gid_bytes=24))
-    infos: list[Any] = []
-
-    def come() -> bool:
-        infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
-        return bool(infos)
-
-    until(come)
-    info = infos[-1]
+    info = infos.newest()
     assert len(info.node_entities_info_seq) == 6
     assert len(info.gid.data) == 24
 
@@ -95,35 +80,20 @@ def test_humble_and_galactic_get_their_longer_identifiers(
 def test_a_vehicle_in_a_namespace_has_all_but_the_log_in_it(
     launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
-    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
-    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    infos = ros_peer.listen("ros_discovery_info")
+    logs = ros_peer.listen("rosout")
     gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, namespace="/fleet/a1"))
     expected = {f"rt/fleet/a1/{name}" for name in TOPICS} | {"rt/rosout", "ros_discovery_info"}
     until(lambda: set(ros_peer.endpoints()) >= expected)
     assert set(ros_peer.endpoints()) - expected == set()
-    infos: list[Any] = []
-
-    def come() -> bool:
-        infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
-        return bool(infos)
-
-    until(come)
-    nodes = infos[-1].node_entities_info_seq
+    nodes = infos.newest().node_entities_info_seq
     assert {node.node_namespace for node in nodes} == {"/fleet/a1"}
-    stop = ros_peer.new("std_msgs/msg/Bool", True)
-    ros_peer.advertise("fleet/a1/release_tag_information", "std_msgs/msg/Bool")
-    ros_peer.publish("fleet/a1/release_tag_information", stop)
+    ros_peer.advertise("fleet/a1/release_tag_information")
+    ros_peer.publish("fleet/a1/release_tag_information", ros_peer.release())
     (command,) = gateway.receive("command")
     assert command.name == "end_tags"
     gateway.send("status_text", StatusText(severity=3, text="radio absent"))
-    lines: list[Any] = []
-
-    def told() -> bool:
-        lines.extend(ros_peer.read(cdr, "rcl_interfaces/msg/Log") for cdr in logs())
-        return bool(lines)
-
-    until(told)
-    assert lines[-1].name == "fleet.a1.StartStopComponent"
+    assert logs.newest().name == "fleet.a1.StartStopComponent"
 
 
 @pytest.mark.parametrize("text", ["", "drone1", "/drone1", "fleet/_a/b2", "a" * 100])
@@ -168,26 +138,19 @@ def test_a_discovery_range_of_off_hides_us(launch: Any, ros_peer: Any) -> None:
     assert ros_peer.endpoints() == {}
 
 
-def test_a_discovery_range_that_is_none_keeps_the_gateway_off_and_says_why(launch: Any) -> None:
-    gateway = launch(ROS_AUTOMATIC_DISCOVERY_RANGE="FAR")
-    (health,) = gateway.receive("health")
-    assert not health.ok
-    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" in health.status
-
-
 def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
     launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     tags = tuple(made.tag(n, 148.7e6) for n in (2, 4))
     flight = made.flight_info("/flights/one", tags, start_time_ns=1)
-    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    infos = ros_peer.listen("ros_discovery_info")
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, node_per_tag=True)
     gateway = launch(settings, flight=flight)
     newest: dict[str, Any] = {}
 
     def nodes() -> set[str]:
-        for cdr in read():
-            newest["info"] = ros_peer.read(cdr, INFO)
+        for newest["info"] in infos.messages():
+            pass
         found = newest["info"].node_entities_info_seq if newest else ()
         newest.update({node.node_name: node for node in found})
         return {node.node_name for node in found if node.node_name.startswith("Detector_tag")}
@@ -195,7 +158,7 @@ def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
     until(lambda: nodes() == {"Detector_tag_2", "Detector_tag_4"})
     (writer,) = newest["Detector_tag_4"].writer_gid_seq
     # What a node publishes comes from its own publisher.
-    reader = ros_peer.reader("pulse", "uavrt_interfaces/msg/Pulse")
+    reader = ros_peer.reader("pulse")
     until(lambda: len(reader.get_matched_publications()) == 3)
     gateway.send("pulse", made.pulse(1_777_623_301_019_828_320, tag_id=4))
     samples: list[Any] = []

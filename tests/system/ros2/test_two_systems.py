@@ -14,21 +14,11 @@ from until import until
 from uavrt.cli.listeners import RosPulses
 from uavrt.config.settings import Ros2Settings
 from uavrt.errors import UsageError
-from uavrt.messages import Command, Tag
+from uavrt.messages import Command
 from uavrt.ros2.convert import tag_to_ros
-from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.interface import full_name
 
-INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 TAG = made.tag()
 PULSE = made.pulse(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
-
-
-def tag_message(ros_peer: Any, tag: Tag) -> Any:
-    ours = tag_to_ros(tag)
-    values = [getattr(ours, name) for name in type(ours).__slots__]
-    return ros_peer.new("uavrt_interfaces/msg/Tag", *values)
 
 
 def counters(gateway: Any) -> dict[str, float]:
@@ -54,7 +44,7 @@ def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
     told = counters(other)
     assert told["ros2_commands"] == told["ros2_pulses_taken"] == 0
     # An operator is obeyed all the same, by both.
-    ros_peer.advertise("control_stop_subprocess", ARRAY, subscribers=2)
+    ros_peer.advertise("control_stop_subprocess", subscribers=2)
     ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
     for gateway in (mine, other):
         assert gateway.receive("command")[0].name == "stop_detection"
@@ -63,8 +53,7 @@ def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
 def test_a_recording_with_the_live_names_does_not_command(launch: Any, ros_peer: Any) -> None:
     gateway = launch()
     # `ros2 bag play` publishes everything as one participant.
-    for name in ("pulse_pose", "control_stop_subprocess"):
-        ros_peer.advertise(name, full_name(TOPICS[name].message))
+    ros_peer.advertise("pulse_pose", "control_stop_subprocess")
     ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
     until(lambda: counters(gateway)["ros2_messages_of_gateways"] == 1)
     assert counters(gateway)["ros2_commands"] == 0
@@ -74,23 +63,17 @@ def test_a_hundred_tags_their_release_and_the_start_at_once_are_taken_in_their_o
     launch: Any, ros_peer: Any
 ) -> None:
     gateway = launch()
-    for name in (
-        "store_tag_information",
-        "release_tag_information",
-        "control_start_subprocess",
-    ):
-        ros_peer.advertise(name, full_name(TOPICS[name].message))
+    ros_peer.advertise("store_tag_information", "release_tag_information")
+    ros_peer.advertise("control_start_subprocess")
     tags = [replace(TAG, tag_id=2 * n, frequency_hz=148e6 + 5e3 * n) for n in range(1, 101)]
-    messages = [tag_message(ros_peer, tag) for tag in tags]
-    release = ros_peer.new("std_msgs/msg/Bool", True)
-    start = ros_peer.order("start")
-    ros_peer.publish_first("release_tag_information", ros_peer.new("std_msgs/msg/Bool", False))
+    messages = [ros_peer.tag(tag_to_ros(tag)) for tag in tags]
+    ros_peer.publish_first("release_tag_information", ros_peer.release(now=False))
     ros_peer.publish_first("control_start_subprocess", ros_peer.order("nothing"))
     ros_peer.publish_first("store_tag_information", messages[0])
     for message in messages[1:]:
         ros_peer.publish("store_tag_information", message)
-    ros_peer.publish("release_tag_information", release)
-    ros_peer.publish("control_start_subprocess", start)
+    ros_peer.publish("release_tag_information", ros_peer.release())
+    ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     commands = gateway.receive("command", 103)
     names = [command.name for command in commands]
     assert names == ["start_tags", *["add_tag"] * 100, "end_tags", "start_detection"]
@@ -110,19 +93,12 @@ pulses.close()
 def test_a_remote_detector_has_a_node_name_of_its_own_and_the_drone_s_namespace(
     ros_domain: int, ros_peer: Any
 ) -> None:
-    read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
+    infos = ros_peer.listen("ros_discovery_info")
     environment = os.environ | {"ROS_DOMAIN_ID": str(ros_domain)}
     with subprocess.Popen(
         [sys.executable, "-c", REMOTE], stdin=subprocess.PIPE, env=environment
     ) as process:
-        infos: list[Any] = []
-
-        def come() -> bool:
-            infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
-            return bool(infos)
-
-        until(come)
-        (node,) = infos[-1].node_entities_info_seq
+        (node,) = infos.newest().node_entities_info_seq
         assert node.node_name.startswith("Detector_")
         assert node.node_name.endswith(f"_{process.pid}")
         assert node.node_namespace == "/drone1"
@@ -166,7 +142,7 @@ def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
     ) as hostile:
         assert some(hostile.stdout).readline() == b"here\n"
         until(lambda: counters(gateway)["ros2_faults"] >= 3)
-        ros_peer.advertise("control_stop_subprocess", ARRAY)
+        ros_peer.advertise("control_stop_subprocess")
         ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
         assert gateway.receive("command")[0].name == "stop_detection"
         hostile.communicate()

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from some import some
+from until import until
 
 from uavrt.clock import Clock
 from uavrt.simulation.airspy_rx import (
@@ -137,10 +138,7 @@ def test_a_slow_reader_loses_samples_and_the_rest_is_whole() -> None:
     assert lost.wait(timeout=30)
     release.set()
     counted = len(received)
-    for _ in range(300):
-        if len(received) >= counted + 12:
-            break
-        time.sleep(0.1)
+    until(lambda: len(received) >= counted + 12)
     transmission.stop()
     thread.join(timeout=30)
     assert not thread.is_alive()

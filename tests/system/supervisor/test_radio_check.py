@@ -5,10 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
+from until import until
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.ipc.topics import decode_record
@@ -57,14 +57,9 @@ def test_a_radio_program_that_hangs_is_ended_with_the_question(
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setattr(radio_check, "TIMEOUT_S", 3.0)
     question = RadioQuestion(SETTINGS)
-    deadline_s = time.monotonic() + 30.0
-    while not (started := descendants_of(question.pid)):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
+    started = until(lambda: descendants_of(question.pid))
     assert question.answer() == (False, "the radio was not asked (TimeoutExpired): try again")
-    while any(map(is_alive, started)):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
+    until(lambda: not any(map(is_alive, started)))
 
 
 def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path) -> None:
@@ -76,17 +71,12 @@ def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path
     )
     path = f"{tmp_path}:{os.environ['PATH']}"
     supervisor = subprocess.Popen([sys.executable, "-c", asking], env={"PATH": path})
-    deadline_s = time.monotonic() + 30.0
-    while not (tmp_path / "asked").exists():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
+    until((tmp_path / "asked").exists)
     asked = descendants_of(supervisor.pid)
     assert len(asked) == 2
     supervisor.send_signal(signal.SIGKILL)
     supervisor.wait()
-    while any(map(is_alive, asked)):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
+    until(lambda: not any(map(is_alive, asked)))
 
 
 async def test_the_operator_asks_twice_and_the_radio_is_asked_once(

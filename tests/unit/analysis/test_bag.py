@@ -2,8 +2,6 @@
 
 import json
 import math
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from some import some
+from sql import sql
 
 from uavrt.analysis.measure.bag import export_bag
 from uavrt.cli.app import app
@@ -228,8 +227,7 @@ def test_a_bag_is_not_written_over_another(flight: Path, tmp_path: Path) -> None
 def test_settings_of_the_flight_that_cannot_be_read_are_named(
     flight: Path, tmp_path: Path
 ) -> None:
-    with closing(sqlite3.connect(flight / "flight.sqlite")) as database, database:
-        database.execute("UPDATE flight SET settings = '{]'")
+    sql(flight, "UPDATE flight SET settings = '{]'")
     with pytest.raises(FormatError, match="settings"):
         export_bag(flight, tmp_path / "bag")
 

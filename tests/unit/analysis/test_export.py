@@ -9,7 +9,6 @@ import sqlite3
 import struct
 import zipfile
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +20,7 @@ from lxml import etree
 from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 from some import some
+from sql import sql
 
 from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.tables import movebank_csv, movebank_reference_csv
@@ -278,12 +278,12 @@ def test_a_geopackage_is_cut_at_the_date_line(
     there = replace(there, home=replace(there.home, longitude_deg=179.998))
     survey = read_survey(write_flight(scenario=there, name="date_line"))
     export_survey(survey, tmp_path, ["geopackage"])
-    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
-        for table in ("track", "bearings", "bearing_wedges", "regions95", "region_outlines"):
-            sides = list(database.execute(f"SELECT minx, maxx FROM rtree_{table}_geom"))
-            assert all(east - west < 1.0 for west, east in sides), table
-        tracks = list(database.execute("SELECT minx FROM rtree_track_geom"))
-        assert {west < 0.0 for (west,) in tracks} == {False, True}
+    layers = tmp_path / "flight.gpkg"
+    for table in ("track", "bearings", "bearing_wedges", "regions95", "region_outlines"):
+        sides = sql(layers, f"SELECT minx, maxx FROM rtree_{table}_geom")
+        assert all(east - west < 1.0 for west, east in sides), table
+    tracks = sql(layers, "SELECT minx FROM rtree_track_geom")
+    assert {west < 0.0 for (west,) in tracks} == {False, True}
 
 
 def test_the_geotiff_lies_where_the_map_lies_and_is_read_by_another_library(
@@ -385,9 +385,9 @@ def test_every_export_tells_what_makes_a_position_less_sure(
     fix = next(csv.DictReader(io.StringIO(files["fixes.csv"].decode())))
     features = json.loads(files["flight.geojson"])["features"]
     (place,) = (f["properties"] for f in features if f["properties"]["layer"] == "position")
-    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
-        database.row_factory = sqlite3.Row
-        row = dict(database.execute("SELECT * FROM positions").fetchone())
+    names = ("cautions", "cautions_in_words")
+    (values,) = sql(tmp_path / "flight.gpkg", f"SELECT {', '.join(names)} FROM positions")
+    row = dict(zip(names, values, strict=True))
     for told in (fix, place, row):
         assert told["cautions"] == "contradiction, compass"
         assert told["cautions_in_words"] == "; ".join(one.text for one in CONTRADICTED)
@@ -408,8 +408,7 @@ def test_marks_are_a_layer_and_a_table(survey: Survey, tmp_path: Path) -> None:
     assert mark["text"] == "nest, 飛行"
     assert mark["time_utc"] == iso_utc(at_ns)
     assert (float(mark["latitude_deg"]), float(mark["longitude_deg"])) == (47.1, 8.2)
-    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
-        ((blob, time, text),) = database.execute("SELECT geom, time, text FROM marks")
+    ((blob, time, text),) = sql(tmp_path / "flight.gpkg", "SELECT geom, time, text FROM marks")
     assert struct.unpack_from("<dd", blob, 13) == (8.2, 47.1)
     assert time[:19] == iso_utc(at_ns)[:19]
     assert text == "nest, 飛行"
@@ -450,10 +449,9 @@ def test_every_export_names_the_vehicle_that_flew(survey: Survey, tmp_path: Path
         assert {row["vehicle"] for row in rows} == {"2, mast & Söhne"}, name
     features = json.loads(files["flight.geojson"])["features"]
     assert {one["properties"].get("vehicle") for one in features} == {"2, mast & Söhne"}
-    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
-        for layer in ("pulses", "track", "bearings", "positions", "regions95"):
-            told = {row[0] for row in database.execute(f"SELECT vehicle FROM {layer}")}
-            assert told == {"2, mast & Söhne"}, layer
+    for layer in ("pulses", "track", "bearings", "positions", "regions95"):
+        told = set(sql(tmp_path / "flight.gpkg", f"SELECT vehicle FROM {layer}"))
+        assert told == {("2, mast & Söhne",)}, layer
     gpx = etree.fromstring(files["flight.gpx"])
     for place in ("metadata/{*}desc", "wpt/{*}desc", "trk/{*}desc"):
         described = gpx.find("{*}" + place)

@@ -5,7 +5,6 @@ import gzip
 import io
 import json
 import math
-import sqlite3
 import struct
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from sql import write_mbtiles
 
 from uavrt.analysis.map_files import MapFile, maps_in, read_map, tile_place
 from uavrt.analysis.report.maps import draw_overview
@@ -44,23 +44,14 @@ def around(latitude: float, longitude: float) -> list[tuple[int, int]]:
     return [(column + a, row + b) for a in range(-3, 4) for b in range(-3, 4)]
 
 
-def write_mbtiles(path: Path, latitude: float, longitude: float) -> MapFile:
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
-        database.execute(
-            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
-        )
-        bounds = f"{longitude - 0.05},{latitude - 0.05},{longitude + 0.05},{latitude + 0.05}"
-        facts = [("format", "png"), ("bounds", bounds), ("attribution", f"<a>{CREDIT}</a>")]
-        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
-        database.executemany(
-            "INSERT INTO tiles VALUES (?, ?, ?, ?)",
-            [
-                (ZOOM, column, 2**ZOOM - 1 - row, picture(colour_of(column, row)))
-                for column, row in around(latitude, longitude)
-            ],
-        )
-    database.close()
+def write_map(path: Path, latitude: float, longitude: float) -> MapFile:
+    bounds = f"{longitude - 0.05},{latitude - 0.05},{longitude + 0.05},{latitude + 0.05}"
+    facts = {"format": "png", "bounds": bounds, "attribution": f"<a>{CREDIT}</a>"}
+    tiles = [
+        (ZOOM, column, 2**ZOOM - 1 - row, picture(colour_of(column, row)))
+        for column, row in around(latitude, longitude)
+    ]
+    write_mbtiles(path, facts, tiles)
     return read_map(path)
 
 
@@ -117,7 +108,7 @@ def write_pmtiles(path: Path, latitude: float, longitude: float) -> MapFile:
     return read_map(path)
 
 
-WRITERS = pytest.mark.parametrize("write", [write_mbtiles, write_pmtiles])
+WRITERS = pytest.mark.parametrize("write", [write_map, write_pmtiles])
 
 
 @WRITERS
@@ -170,7 +161,7 @@ def test_without_a_map_of_this_place_nothing_is_drawn_and_nothing_said(
     survey: Survey, tmp_path: Path
 ) -> None:
     start = survey.track[0]
-    elsewhere = write_mbtiles(
+    elsewhere = write_map(
         tmp_path / "elsewhere.mbtiles", start.latitude_deg + 1.0, start.longitude_deg
     )
     figure = Figure(figsize=(6.0, 6.0))
@@ -188,7 +179,7 @@ def test_the_command_takes_maps_beside_the_flight(
             (flight / path.name).write_bytes(path.read_bytes())
     (tmp_path / "maps").mkdir()
     start = survey.track[0]
-    write_mbtiles(tmp_path / "maps" / "valley.mbtiles", start.latitude_deg, start.longitude_deg)
+    write_map(tmp_path / "maps" / "valley.mbtiles", start.latitude_deg, start.longitude_deg)
     (tmp_path / "maps" / "broken.pmtiles").write_bytes(b"PMTiles\x03" + bytes(40))
     app(["report", str(flight), "--no-pdf"], result_action="return_value")
     assert CREDIT in (flight / "report.html").read_text("utf-8")

@@ -1,13 +1,13 @@
 """A map with odd facts concerns only itself: it is read, or named with its fault."""
 
 import os
-import sqlite3
 from collections.abc import Mapping
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from sql import write_mbtiles
 
 from uavrt.analysis.map_files import maps_in, read_map
 from uavrt.errors import FormatError
@@ -19,11 +19,7 @@ ODD = (None, "", "a,b,c,d", "1,2,3", "nan,nan,nan,nan", "0,-91,1,91", b"\xff\xfe
 
 def write_map(path: Path, facts: Mapping[str, object], zoom: object = 3) -> Path:
     """Write an MBTiles file with one tile."""
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute("CREATE TABLE metadata (name, value)")
-        database.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data)")
-        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts.items())
-        database.execute("INSERT INTO tiles VALUES (?, 4, 4, x'89504e47')", (zoom,))
+    write_mbtiles(path, facts, [(zoom, 4, 4, b"\x89PNG")])
     return path
 
 

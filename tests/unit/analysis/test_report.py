@@ -1,9 +1,7 @@
 """The report: complete in itself, and possible whatever the flight found."""
 
 import re
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
@@ -16,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from some import some
+from sql import sql
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, learnt_antenna, read_recorded
 from uavrt.analysis.facts import Facts, facts_of, write_facts
@@ -394,7 +393,6 @@ def test_a_search_whose_recording_broke_off_is_told_as_far_as_it_went(
 
 def test_flights_from_before_there_were_searches_have_none(write_flight: WriteFlight) -> None:
     flight = write_flight(tags=1, name="flight_log_old")
-    with closing(sqlite3.connect(flight / "flight.sqlite")) as database, database:
-        database.execute("DROP TABLE search_notes")
+    sql(flight, "DROP TABLE search_notes")
     assert read_search_notes(flight) == ()
     assert not list(searches_of(read_survey(flight)))

@@ -2,9 +2,7 @@
 
 import base64
 import json
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from joined import joined
+from sql import sql
 
 from uavrt.analysis.whole_flight import JudgeAs, searched_for
 from uavrt.cli.coverage import coverage
@@ -298,8 +297,7 @@ def test_where_nothing_tells_that_a_detector_ran_silence_is_not_called_sure(
 ) -> None:
     """Poses alone are no listening: the flight had no samples, no reports and no pulses."""
     listening, deaf = write_flight(tags=2, heard=1), write_flight(tags=2, heard=0)
-    with closing(sqlite3.connect(deaf / "flight.sqlite")) as database, database:
-        database.execute("DELETE FROM search_reports")
+    sql(deaf, "DELETE FROM search_reports")
     for flight, ran in ((listening, True), (deaf, False)):
         records = covered(flight, area, capsys)
         assert len(records) == 2

@@ -1,14 +1,13 @@
 """A flight that is there as the drone and as the ground station recorded it counts once."""
 
 import shutil
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 from archived import TAGS, write_flight
 from command_line import uavrt
 from past_flight import write_flight as write_heard
+from sql import sql
 
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch.questions import ask
@@ -26,15 +25,13 @@ def search(output: Path, *paths: Path) -> BatchSummary:
 def copy_of(flight: Path, copy: Path, *, without: int = 0) -> Path:
     """The drone's own record: it began before, its times are to the nanosecond."""
     shutil.copytree(flight, copy)
-    with closing(sqlite3.connect(copy / "flight.sqlite")) as database:
-        database.execute("UPDATE flight SET start_time_ns = start_time_ns - 700000000")
-        database.execute("UPDATE pulses SET start_time_ns = start_time_ns + 37123")
-        database.execute(
-            "DELETE FROM pulses WHERE start_time_ns IN "
-            "(SELECT start_time_ns FROM pulses ORDER BY start_time_ns LIMIT ?)",
-            [without],
-        )
-        database.commit()
+    sql(
+        copy,
+        "UPDATE flight SET start_time_ns = start_time_ns - 700000000",
+        "UPDATE pulses SET start_time_ns = start_time_ns + 37123",
+        "DELETE FROM pulses WHERE start_time_ns IN "
+        f"(SELECT start_time_ns FROM pulses ORDER BY start_time_ns LIMIT {without})",
+    )
     return copy
 
 
@@ -74,11 +71,8 @@ def test_the_record_that_holds_more_counts_whichever_comes_first(
 ) -> None:
     ground, drone = both
     output = tmp_path / "searched"
-    with closing(sqlite3.connect(ground / "flight.sqlite")) as database:
-        database.execute(
-            "DELETE FROM pulses WHERE start_time_ns = (SELECT min(start_time_ns) FROM pulses)"
-        )
-        database.commit()
+    first = "(SELECT min(start_time_ns) FROM pulses)"
+    sql(ground, f"DELETE FROM pulses WHERE start_time_ns = {first}")
     search(output, ground)
     assert heard(output) == ([ground.name], 71)
     summary = search(output, ground, drone)
@@ -109,15 +103,10 @@ def test_copies_are_found_wherever_in_a_millisecond_the_pulses_lie(
 ) -> None:
     """At an edge of rounded milliseconds all pulses of an exact interval were others."""
     ground, drone = both
-    with closing(sqlite3.connect(ground / "flight.sqlite")) as database:
-        (first_ns,) = database.execute("SELECT min(start_time_ns) FROM pulses").fetchone()
+    ((first_ns,),) = sql(ground, "SELECT min(start_time_ns) FROM pulses")
+    later_ns = beside_ns - first_ns % 1_000_000
     for directory in both:
-        with closing(sqlite3.connect(directory / "flight.sqlite")) as database:
-            database.execute(
-                "UPDATE pulses SET start_time_ns = start_time_ns + ?",
-                [beside_ns - first_ns % 1_000_000],
-            )
-            database.commit()
+        sql(directory, f"UPDATE pulses SET start_time_ns = start_time_ns + {later_ns}")
     assert search(tmp_path / "searched", ground, drone).copies == 1
 
 
@@ -126,9 +115,7 @@ def test_two_drones_that_hear_the_same_pulses_are_two_flights(
 ) -> None:
     ground, _ = both
     other = copy_of(ground, tmp_path / "drone-2" / "flight_log_of_another")
-    with closing(sqlite3.connect(other / "flight.sqlite")) as database:
-        database.execute("UPDATE pulses SET snr_db = snr_db - 5.0")
-        database.commit()
+    sql(other, "UPDATE pulses SET snr_db = snr_db - 5.0")
     copy_of(other, tmp_path / "kept" / "of_another", without=1)
     output = tmp_path / "searched"
     summary = search(output, tmp_path)
@@ -156,13 +143,13 @@ def test_copies_that_an_older_archive_counted_twice_are_taken_out(
     output = tmp_path / "searched"
     search(output, ground)
     # As if two flights of other hours: nothing tells that they are the same.
-    with closing(sqlite3.connect(drone / "flight.sqlite")) as database:
-        shift = "SET start_time_ns = start_time_ns + 7200000000000"
-        for table in ("flight", "pulses"):
-            database.execute(f"UPDATE {table} {shift}")
-        database.execute("UPDATE pulses SET end_time_ns = end_time_ns + 7200000000000")
-        database.execute("UPDATE poses SET time_ns = time_ns + 7200000000000")
-        database.commit()
+    shift = "SET start_time_ns = start_time_ns + 7200000000000"
+    sql(
+        drone,
+        f"UPDATE flight {shift}",
+        f"UPDATE pulses {shift}, end_time_ns = end_time_ns + 7200000000000",
+        "UPDATE poses SET time_ns = time_ns + 7200000000000",
+    )
     search(output, ground, drone)
     assert heard(output)[1] == 144
     shutil.rmtree(drone)

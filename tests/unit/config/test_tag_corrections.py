@@ -5,6 +5,7 @@ from typing import Any
 
 import made
 import pytest
+from some import some
 
 from uavrt.config.tag_corrections import TagCorrection, correction_of, still_holds
 from uavrt.ground.link.command_payloads import Writing
@@ -16,8 +17,7 @@ TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.06, interval_jitter_s=
 
 def test_a_frequency_off_its_label_is_listed_to_1_hz_with_the_interval_as_it_was() -> None:
     beep = made.beep(frequency_hz=148_710_640.4, tag_ids=(2,), offsets_hz=(640.4,))
-    one = correction_of(TAG, beep, 7)
-    assert one is not None
+    one = some(correction_of(TAG, beep, 7))
     assert one.after == replace(TAG, frequency_hz=148_710_640.0)
     assert (one.before, one.time_ns) == (TAG, 7)
     assert str(one) == "tag 2: 148.710640 MHz, was 148.710000 MHz"
@@ -26,26 +26,18 @@ def test_a_frequency_off_its_label_is_listed_to_1_hz_with_the_interval_as_it_was
 def test_the_interval_of_a_listed_tag_replaces_the_nearest_with_a_narrow_uncertainty() -> None:
     tag = replace(TAG, pulse_intervals_s=(1.3,))
     beep = made.beep(BeepKind.LISTED, interval_s=1.3321, jitter_s=0.0015, tag_ids=(2,))
-    one = correction_of(tag, beep, 0)
-    assert one is not None
+    one = some(correction_of(tag, beep, 0))
     assert one.after.pulse_intervals_s == (1.3321,)
     assert one.after.interval_uncertainty_s == pytest.approx(0.0067)
     assert one.after.interval_jitter_s == pytest.approx(0.0045)
-
-
-def test_a_listed_interval_is_corrected_once_and_not_for_each_new_measurement() -> None:
-    tag = replace(TAG, pulse_intervals_s=(1.3,))
-    first = made.beep(BeepKind.LISTED, interval_s=1.3321, jitter_s=0.0015, tag_ids=(2,))
-    one = correction_of(tag, first, 0)
-    assert one is not None
-    assert correction_of(one.after, replace(first, interval_s=1.3324), 0) is None
-    assert correction_of(one.after, replace(first, interval_s=1.337), 0) is not None
+    # It is corrected once, not for each new measurement.
+    assert correction_of(one.after, replace(beep, interval_s=1.3324), 0) is None
+    assert correction_of(one.after, replace(beep, interval_s=1.337), 0) is not None
 
 
 def test_another_rate_becomes_the_second_interval_and_the_bounds_of_the_first_stay() -> None:
     beep = made.beep(BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2,), offsets_hz=(3.0,))
-    one = correction_of(TAG, beep, 0)
-    assert one is not None
+    one = some(correction_of(TAG, beep, 0))
     assert one.after.pulse_intervals_s == (TAG.pulse_intervals_s[0], 0.75)
     assert one.after.interval_uncertainty_s == TAG.interval_uncertainty_s
     assert one.after.interval_jitter_s >= TAG.interval_jitter_s
@@ -61,8 +53,7 @@ def test_a_neighbour_that_may_be_meant_at_another_rate_is_corrected_in_frequency
     beep = made.beep(
         BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2, 4), offsets_hz=(0.0, -2000.0)
     )
-    one = correction_of(other, beep, 0)
-    assert one is not None
+    one = some(correction_of(other, beep, 0))
     assert one.what == "frequency"
 
 
@@ -77,9 +68,8 @@ def test_a_correction_is_one_message_that_needs_no_open_upload(generation: Any) 
     tag = replace(TAG, frequency_hz=148_710_640.0)
     command = exchange.receive(Writing(generation).correction(tag), (255, 190))
     assert isinstance(command, Command)
-    assert (command.name, command.tag and command.tag.tag_id) == ("add_tag", 2)
-    assert command.tag is not None
-    assert command.tag.frequency_hz == 148_710_640.0
+    assert command.name == "add_tag"
+    assert (some(command.tag).tag_id, some(command.tag).frequency_hz) == (2, 148_710_640.0)
 
 
 def test_a_tag_that_drifts_away_from_its_label_is_listed_there_before_the_search_loses_it() -> (
@@ -95,8 +85,7 @@ def test_a_tag_that_drifts_away_from_its_label_is_listed_there_before_the_search
         return correction_of(replace(TAG, interval_uncertainty_s=0.01), beep, 0)
 
     for drift_hz in (-180.0, 130.0, 420.0):
-        one = after(drift_hz)
-        assert one is not None
+        one = some(after(drift_hz))
         assert (one.what, one.after.frequency_hz) == ("frequency", TAG.frequency_hz + drift_hz)
         assert after(drift_hz, 4) is None, "of which of two tags?"
     assert after(60.0) is None
@@ -111,7 +100,6 @@ def test_a_measurement_holds_until_the_entry_that_it_was_made_with_is_corrected(
     for beep in (off, rate, *others):
         assert still_holds(beep, (TAG, other))
     for beep in (off, rate):
-        correction = correction_of(TAG, beep, 0)
-        assert correction is not None
-        assert not still_holds(beep, (correction.after, other))
+        corrected = some(correction_of(TAG, beep, 0)).after
+        assert not still_holds(beep, (corrected, other))
         assert still_holds(beep, (other,)), "of a tag that another station has listed"

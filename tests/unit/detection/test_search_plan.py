@@ -51,7 +51,8 @@ def test_the_widest_window_that_is_named_can_be_searched_in_each_channel(
 
 
 def test_every_tag_has_room_for_the_usual_window() -> None:
-    planned([148e6 + 700.0 * n for n in range(40)], 500.0)
+    frequencies_hz = [148e6 + 700.0 * n for n in range(40)]
+    assert abs(planned(frequencies_hz, 500.0).center_frequency_hz - 148e6) < 1.5e6
 
 
 def test_tags_that_the_radio_does_not_receive_need_no_room() -> None:

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from pulses import pulse_at as heard_pulse
 from some import some
+from sql import write_mbtiles
 from virtual_time import VirtualClock
 
 from uavrt.analysis.positions import read_positions
@@ -428,15 +429,8 @@ def test_a_full_disk_is_told_and_mended(
 
 def test_map_files_are_listed_and_their_tiles_turned_over(tmp_path: Path) -> None:
     path = tmp_path / "valley.mbtiles"
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
-        database.execute(
-            "CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data BLOB)"
-        )
-        facts = [("format", "png"), ("bounds", "7,46,9,47")]
-        database.executemany("INSERT INTO metadata VALUES (?, ?)", facts)
-        database.execute("INSERT INTO tiles VALUES (3, 4, 5, ?)", (b"\x89PNG north",))
-    database.close()
+    facts = {"format": "png", "bounds": "7,46,9,47"}
+    write_mbtiles(path, facts, [(3, 4, 5, b"\x89PNG north")])
     (tmp_path / "broken.pmtiles").write_bytes(b"nothing of the kind")
     (tmp_path / "notes.txt").touch()
     broken, valley = maps.map_list(tmp_path)

@@ -3,13 +3,14 @@
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 from past_flight import write_flight
+from sql import sql
 
 from uavrt.analysis.bearings import past_turns
 from uavrt.analysis.season import read_season
@@ -19,7 +20,6 @@ from uavrt.ground.store.event_log import EventLog
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.ground.store.known_flights import FlightChoice, FlightSummary
 from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.layout import FlightLayout
 
 GOOD, ODD = "flight_log_2026-05-01_12-00-00", "flight_log_2026-05-02_12-00-00"
 VALUES = (None, b"\xff\x00", 1e300)
@@ -39,28 +39,24 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A flight with something in each of its tables."""
     folder = tmp_path_factory.mktemp("flown")
     flight = folder / write_flight(folder, 100.0, 200.0)
-    with closing(sqlite3.connect(FlightLayout(flight).database)) as database, database:
-        for table, row in MORE.items():
-            marks = ", ".join("?" * len(row))
-            database.execute(f"INSERT INTO {table} VALUES ({marks})", row)
+    for table, row in MORE.items():
+        marks = ", ".join("?" * len(row))
+        sql(flight, f"INSERT INTO {table} VALUES ({marks})", values=row)
     return flight
 
 
 def columns_of(flight: Path) -> Iterator[tuple[str, str]]:
-    with closing(sqlite3.connect(FlightLayout(flight).database)) as database:
-        tables = database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
-        for (table,) in tables.fetchall():
-            for column in database.execute(f"PRAGMA table_info({table})").fetchall():
-                yield table, column[1]
+    for (table,) in sql(flight, "SELECT name FROM sqlite_master WHERE type = 'table'"):
+        for column in sql(flight, f"PRAGMA table_info({table})"):
+            yield table, column[1]
 
 
 def made_odd(flight: Path, table: str, column: str, value: object) -> bool:
     """Write a value into a column; False where SQLite refuses it."""
-    with closing(sqlite3.connect(FlightLayout(flight).database)) as database, database:
-        try:
-            database.execute(f"UPDATE OR IGNORE {table} SET {column} = ?", (value,))
-        except sqlite3.Error:
-            return False
+    try:
+        sql(flight, f"UPDATE OR IGNORE {table} SET {column} = ?", values=(value,))
+    except sqlite3.Error:
+        return False
     return True
 
 

@@ -2,15 +2,14 @@
 
 import asyncio
 import math
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pulses import pulse_at
 from some import some
+from sql import sql
 
 from uavrt.clock import Clock
 from uavrt.ground.session import ENDS_WITHIN_S, GroundSession
@@ -52,9 +51,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> LateDisk:
 
 def stored(session: GroundSession) -> int:
     place = session.store.directory / some(session.flight.flight_id) / "flight.sqlite"
-    with closing(sqlite3.connect(place)) as database:
-        count: int = database.execute("SELECT count(*) FROM pulses").fetchone()[0]
-    return count
+    return int(sql(place, "SELECT count(*) FROM pulses")[0][0])
 
 
 def acknowledged(session: GroundSession) -> int:

@@ -186,15 +186,6 @@ def test_a_wrong_nonce_confirms_nothing_and_ends_the_offer() -> None:
     assert flown.authority.standing is Standing.OUT
 
 
-def test_a_mode_that_has_changed_since_the_question_is_no_confirmation() -> None:
-    flown = prepared()
-    flown.authority.offer(1, 77, flown.time_s)
-    flown.vehicle.set_mode(MODES["px4"]["return"])
-    flown.run(1.0)
-    with pytest.raises(CommandRefused, match="the mode has changed to Return"):
-        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
-
-
 def test_unseen_sticks_must_be_confirmed() -> None:
     flown = prepared()
     flown.authority.offer(1, 77, flown.time_s)

@@ -104,22 +104,18 @@ def test_commands_that_are_refused_again_and_again_end_in_a_return(flavour: Flav
 
 
 @BOTH
-def test_what_gives_up_by_itself_returns_once_it_has_begun(flavour: Flavour) -> None:
+@pytest.mark.parametrize("begun", [True, False])
+def test_what_gives_up_by_itself_returns_only_where_it_has_begun(
+    flavour: Flavour, begun: bool
+) -> None:
     flown = far_flown(flavour)
     pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
-    flown.run(20.0)
+    flown.run(20.0 if begun else 0.0)
     pilot.give_up("the search has failed: a fault")
     flown.run(3.0)
-    assert flown.vehicle.mode == MODES[flavour]["return"]
-    assert pilot.said == "returning: the search has failed: a fault"
-
-
-@BOTH
-def test_what_gives_up_before_it_has_begun_moves_nothing(flavour: Flavour) -> None:
-    flown = far_flown(flavour)
-    pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
-    pilot.give_up("the search has failed: a fault")
-    flown.run(3.0)
-    assert not flown.commands
-    assert flown.authority.standing is Standing.OUT
-    assert flown.authority.reason == "the search has failed: a fault"
+    if begun:
+        assert flown.vehicle.mode == MODES[flavour]["return"]
+        assert pilot.said == "returning: the search has failed: a fault"
+    else:
+        assert not flown.commands
+        assert flown.authority.reason == "the search has failed: a fault"

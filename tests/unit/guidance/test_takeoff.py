@@ -66,16 +66,6 @@ def test_a_drone_that_may_not_take_off_does_not(flavour: Flavour) -> None:
 
 
 @BOTH
-def test_a_confirmation_after_ten_seconds_is_none(flavour: Flavour) -> None:
-    flown = standing(flavour)
-    flown.authority.offer(1, 77, flown.time_s, takeoff=True)
-    flown.vehicle.idle_s = -60.0  # it would have disarmed
-    flown.run(10.2)
-    with pytest.raises(CommandRefused, match="asked for 10 s ago"):
-        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
-
-
-@BOTH
 def test_a_confirmed_take_off_that_does_not_begin_in_ten_seconds_never_does(
     flavour: Flavour,
 ) -> None:

@@ -3,7 +3,6 @@
 import json
 import math
 import shutil
-import sqlite3
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import uavrt
 from numpy.typing import NDArray
+from sql import sql
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
 from uavrt.analysis.coverage_files import write_silence
@@ -132,9 +132,7 @@ def test_a_flight_without_tags_is_told_what_it_lacks(
     flown: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It ended with 1 and said nothing, as if tags had been looked for in vain."""
-    with closing(sqlite3.connect(FlightLayout(flown).database)) as database:
-        database.execute("DELETE FROM tags")
-        database.commit()
+    sql(flown, "DELETE FROM tags")
     assert uavrt("integrate", str(flown)) == 2
     assert "there are no tags to look for" in " ".join(capsys.readouterr().err.split())
 

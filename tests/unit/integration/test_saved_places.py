@@ -2,8 +2,6 @@
 
 import json
 import math
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import made
 import numpy as np
 import pytest
 from command_line import uavrt
+from sql import sql
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 
@@ -101,12 +100,10 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
         assert f"{one.longitude_deg:.8f},{one.latitude_deg:.8f}" in kml
     assert kml.count("<LinearRing>") == len(verdict.region95)
     write_geopackage(survey, tmp_path / "pass.gpkg")
-    with closing(sqlite3.connect(tmp_path / "pass.gpkg")) as layers_of:
-        (places,) = layers_of.execute("SELECT count(*) FROM integrated_places").fetchone()
-        (parts,) = layers_of.execute(
-            "SELECT count(*) FROM integrated_regions WHERE share = 95"
-        ).fetchone()
-    assert (places, parts) == (2, len(verdict.region95))
+    saved = tmp_path / "pass.gpkg"
+    parts = "SELECT count(*) FROM integrated_regions WHERE share = 95"
+    assert sql(saved, "SELECT count(*) FROM integrated_places") == [(2,)]
+    assert sql(saved, parts) == [(len(verdict.region95),)]
     (told,) = hindsight(survey, 2)
     for one in verdict.parts:
         assert f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}" in told

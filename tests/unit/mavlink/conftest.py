@@ -1,18 +1,13 @@
 """Worlds for the tests of links."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from uavrt.messages import Tag
-from world import THESIS_TAG, World, until
-
-
-@pytest.fixture(name="until")
-def until_fixture() -> Callable[..., Awaitable[None]]:
-    return until
+from world import THESIS_TAG, World
 
 
 @pytest.fixture

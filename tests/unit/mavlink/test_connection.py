@@ -2,10 +2,11 @@
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.attitude import euler_deg
 from uavrt.commands import Generation, SystemState
@@ -18,7 +19,6 @@ from uavrt.messages import Pose, Poses, PulsePose, StatusText, Tag
 from uavrt.tunnel.convert import tag_to_wire
 from world import World
 
-Until = Callable[..., Awaitable[None]]
 MakeWorld = Callable[..., World]
 
 
@@ -29,7 +29,7 @@ def pulses_of(events: list[GroundEvent]) -> list[PulsePose]:
 @pytest.mark.parametrize("generation", ["G0", "G1"])
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 async def test_tags_go_up_and_pulses_come_down_without_loss(
-    make_world: MakeWorld, thesis_tag: Tag, until: Until,
+    make_world: MakeWorld, thesis_tag: Tag,
     generation: Generation, flavour: str,
 ) -> None:  # fmt: skip
     world = make_world(mavlink={"tunnel_generation": generation}, flavour=flavour)
@@ -92,14 +92,14 @@ async def test_a_drone_that_does_not_answer_is_named(world: World) -> None:
         assert ground.protocol.counters["retries"] == 4
 
 
-async def test_a_long_status_text_arrives_whole(world: World, until: Until) -> None:
+async def test_a_long_status_text_arrives_whole(world: World) -> None:
     text = "All detectors started at 148.700 MHz; two tags share a channel, watch their order."
     async with world.flying(), world.station() as (_, events):
         world.computer.supervisor._tell(4, text)
         await until(lambda: StatusText(severity=4, text=text) in events)
 
 
-async def test_an_acknowledgement_overtakes_waiting_pulses(world: World, until: Until) -> None:
+async def test_an_acknowledgement_overtakes_waiting_pulses(world: World) -> None:
     async with world.flying(), world.station() as (ground, events):
         world.detect()
         for index in range(50):
@@ -120,9 +120,7 @@ def yaw_errors_deg(world: World, samples: list[Pose]) -> list[float]:
     return errors
 
 
-async def test_poses_have_the_right_time_through_jitter_skew_and_a_reboot(
-    world: World, until: Until
-) -> None:
+async def test_poses_have_the_right_time_through_jitter_skew_and_a_reboot(world: World) -> None:
     world.unkept.discard("poses")
 
     def poses() -> list[Any]:
@@ -141,9 +139,7 @@ async def test_poses_have_the_right_time_through_jitter_skew_and_a_reboot(
     assert max(map(abs, errors)) < 1.5
 
 
-async def test_an_ardupilot_that_streams_nothing_is_asked_at_our_rates(
-    world: World, until: Until
-) -> None:
+async def test_an_ardupilot_that_streams_nothing_is_asked_at_our_rates(world: World) -> None:
     async with world.flying(flavour="ardupilot") as autopilot:
         intervals = autopilot.companion.intervals_ns
         await until(lambda: len(intervals) == 3)
@@ -159,7 +155,7 @@ def test_a_gap_below_the_floor_is_refused() -> None:
 
 
 async def test_more_pulses_than_memory_keeps_without_a_station_come_from_the_disk(
-    world: World, until: Until
+    world: World,
 ) -> None:
     async with world.flying():
         world.detect()

@@ -1,10 +1,11 @@
 """Our ground station lists and sets the drone's parameters; with a key, sealed."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.config.parameters import RUN, parameter_values
 from uavrt.errors import CommandRefused, LinkError, TunnelError
@@ -12,12 +13,10 @@ from uavrt.messages import StatusText
 from uavrt.tunnel.seal import parameter_inside, parameter_of, read_key
 from world import World
 
-Until = Callable[..., Awaitable[None]]
-
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 async def test_parameters_are_listed_and_set_over_a_lossy_radio(
-    world: World, until: Until, flavour: str
+    world: World, flavour: str
 ) -> None:
     station = world.station(ack_wait_s=0.4)
     async with world.flying(flavour=flavour), station as (ground, events):
@@ -45,7 +44,7 @@ async def test_parameters_are_listed_and_set_over_a_lossy_radio(
 
 
 async def test_a_drone_with_a_key_takes_only_sealed_parameters(
-    make_world: Callable[..., World], until: Until, tmp_path: Path
+    make_world: Callable[..., World], tmp_path: Path
 ) -> None:
     path = tmp_path / "key"
     path.write_text("5a" * 32)

@@ -5,10 +5,10 @@ import errno
 import os
 import pty
 import socket
-from collections.abc import Awaitable, Callable
 
 import pytest
 import serial
+from until import until_async as until
 
 from uavrt.errors import ConfigError, LinkError
 from uavrt.mavlink import dialect as d
@@ -18,7 +18,6 @@ from uavrt.mavlink.stream import TcpLink
 from uavrt.mavlink.transport import open_link
 from uavrt.mavlink.udp import UdpLink
 
-Until = Callable[..., Awaitable[None]]
 PING = d.Ping(time_usec=1, seq=2, target_system=0, target_component=0)
 FRAME = FrameWriter(1, 1).encode(PING)
 
@@ -61,7 +60,7 @@ def test_a_serial_address_without_a_rate_has_the_usual_one() -> None:
     assert parse_address("serial:///dev/ttyUSB0").baud == 57_600
 
 
-async def test_two_udp_links_talk_and_count(until: Until) -> None:
+async def test_two_udp_links_talk_and_count() -> None:
     heard: list[Frame] = []
     answered: list[Frame] = []
     server = await open_link("udpin://127.0.0.1:0", heard.append)

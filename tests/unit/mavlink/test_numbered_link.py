@@ -1,21 +1,20 @@
 """The ground's link and the drone's exchange in the numbered versions, over a lossy radio."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.commands import Generation, SystemState
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.messages import Command, Tag
 from world import World
 
-Until = Callable[..., Awaitable[None]]
-
 
 @pytest.mark.parametrize("generation", ["G1", "G2v1", "G2"])
 async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio(
-    make_world: Callable[..., World], until: Until, thesis_tag: Tag, generation: Generation
+    make_world: Callable[..., World], thesis_tag: Tag, generation: Generation
 ) -> None:
     world = make_world(mavlink={"tunnel_generation": generation, "tunnel_experimental": True})
 

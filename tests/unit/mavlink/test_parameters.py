@@ -2,20 +2,19 @@
 
 import asyncio
 import struct
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from until import until_async as until
 
 from uavrt.config.parameters import OFFERED, RUN, parameter_values
 from uavrt.mavlink.dialect import MavParamType
 from uavrt.mavlink.parameters import decode_value, encode_value
 from uavrt.messages import CommandReply
 from world import World
-
-Until = Callable[..., Awaitable[None]]
 
 
 def values_of(world: World) -> dict[str, float]:
@@ -67,7 +66,7 @@ class PymavlinkStation(asyncio.DatagramProtocol):
 
 
 async def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
-    make_world: Callable[..., World], until: Until, monkeypatch: pytest.MonkeyPatch
+    make_world: Callable[..., World], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MAVLINK20", "1")
     world = make_world(mavlink={"commanders": (255,)})

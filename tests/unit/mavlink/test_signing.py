@@ -1,7 +1,7 @@
 """MAVLink 2 signing, with pymavlink's as the other side."""
 
 import hashlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -10,6 +10,7 @@ import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from until import until_async as until
 
 from uavrt.errors import ConfigError, LinkError
 from uavrt.mavlink import dialect
@@ -18,7 +19,6 @@ from uavrt.mavlink.signing import EPOCH_S, Signing, SigningKey, read_signing_key
 from uavrt.messages import Command
 from world import World
 
-Until = Callable[..., Awaitable[None]]
 KEY = SigningKey(hashlib.sha256(b"over the hills").digest())
 OTHER = SigningKey(bytes(32))
 NOW_NS = (EPOCH_S + 300_000_000) * 10**9
@@ -157,7 +157,7 @@ def test_a_key_file_holds_64_digits_and_the_key_is_never_shown(tmp_path: Path) -
 
 @pytest.mark.parametrize("flavour", ["ardupilot"])
 async def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_not(
-    make_world: Callable[..., World], until: Until, tmp_path: Path, flavour: str
+    make_world: Callable[..., World], tmp_path: Path, flavour: str
 ) -> None:
     path = tmp_path / "key"
     path.write_text(KEY.secret.hex())

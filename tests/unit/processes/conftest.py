@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, PulsePose
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from world import turning_vehicle, until
+from world import turning_vehicle
 
 turning = turning_vehicle(30.0)
 
@@ -181,11 +181,6 @@ class Bay:
             self.deliver("command_reply", reply)
         elif isinstance(record, Health):
             self.health = record
-
-
-@pytest.fixture(name="until")
-def until_fixture() -> Callable[..., Awaitable[None]]:
-    return until
 
 
 @pytest.fixture

@@ -1,18 +1,16 @@
 """The autopilot's clock as PX4 1.17 tells it: answers to nobody, and 1.5 % slow."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.attitude import euler_deg
 from uavrt.mavlink import component, timesync
 from uavrt.messages import PulsePose, StatusText
 from uavrt.units import ns_from_s
-
-Until = Callable[..., Awaitable[None]]
 
 
 def yaw_error_deg(bay: Any, item: PulsePose) -> float:
@@ -27,7 +25,7 @@ def pulse_poses(bay: Any) -> list[PulsePose]:
 
 
 async def test_poses_are_right_by_a_clock_that_runs_slow_and_answers_with_random_targets(
-    bay: Any, until: Until
+    bay: Any,
 ) -> None:
     bay.autopilot_settings = replace(
         bay.autopilot_settings, clock_skew_ppm=-15_000.0, companion_jitter_s=0.003
@@ -48,7 +46,7 @@ async def test_poses_are_right_by_a_clock_that_runs_slow_and_answers_with_random
 
 
 async def test_poses_by_an_extrapolated_clock_are_marked_and_the_operator_is_warned(
-    bay: Any, until: Until, monkeypatch: pytest.MonkeyPatch
+    bay: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in (timesync, component):
         monkeypatch.setattr(module, "STALE_NS", ns_from_s(2.5))

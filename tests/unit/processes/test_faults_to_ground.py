@@ -1,21 +1,19 @@
 """Why a process is not ok reaches ground stations that were away when it was reported."""
 
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import made
+from until import until_async as until
 
 from uavrt.messages import StatusText
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
-
 REASON = "Airspy: no radio is plugged in. Plug the radio in, or try another cable or port"
 TEXT = f"receiver: radio absent (reason {REASON})"
 
 
 async def test_a_station_that_appears_after_a_fault_reads_its_reason_and_reads_it_again(
-    bay: Bay, until: Until
+    bay: Bay,
 ) -> None:
     fault = made.process_status("receiver", "radio absent", ok=False, reason=REASON)
     bearable = made.process_status("recorder", "ready")

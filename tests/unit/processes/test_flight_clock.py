@@ -1,12 +1,12 @@
 """A flight brings its own time to a connection that has run since long before."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
@@ -14,14 +14,12 @@ from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
 from uavrt.messages import Poses, PulsePose
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
-
 HOUR_NS = 3600 * 10**9
 
 
 @pytest.mark.parametrize("step_ns", [HOUR_NS, -HOUR_NS, 0])
 async def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
-    bay: Bay, until: Until, tmp_path: Path, step_ns: int
+    bay: Bay, tmp_path: Path, step_ns: int
 ) -> None:
     base = bay.clock
 
@@ -69,7 +67,7 @@ async def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
 
 
 async def test_a_connection_started_after_the_flight_delivers_what_that_left(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     flights = [
         bay.recorded_flight(tmp_path / f"flight_{n}", range(n * 9, n * 9 + 9)) for n in (0, 1)

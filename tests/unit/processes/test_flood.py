@@ -2,12 +2,13 @@
 
 import asyncio
 import socket
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 from itertools import count, cycle
 from typing import Any
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
@@ -26,7 +27,6 @@ from uavrt.tunnel.reliable import MOST_STORES, ReliableSender
 pytestmark = pytest.mark.slow
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
 COUNT = 4000
 SECOND_NS = 10**9
 OURS = {"target_system": 1, "target_component": 191}
@@ -145,7 +145,7 @@ async def test_a_flood_delays_95_percent_of_the_pulses_by_a_tenth_at_most(
 
 
 async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
-    bay: Bay, until: Until, capsys: pytest.CaptureFixture[str]
+    bay: Bay, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async with bay.running(), bay.ground_station() as (ground, events):
         await until(lambda: ground.protocol.drone is not None)

@@ -81,17 +81,12 @@ def test_a_receiver_keeps_each_channel_in_use_once(tmp_path: Path) -> None:
     assert not near.told
 
 
-def test_who_switches_it_off_has_no_files_and_no_counters(tmp_path: Path) -> None:
-    off = frame(tmp_path, channels=False)
-    receiver = Receiver(off, off.flight, [Sink()])
-    receive(receiver)
-    assert not (tmp_path / "iq").exists()
-    assert "kept_samples" not in receiver.counters()
-
-
-def test_a_process_that_leaves_the_channels_to_another_keeps_none(tmp_path: Path) -> None:
-    band = frame(tmp_path)
-    receiver = BandReceiver(band, band.flight, [Sink()])
+@pytest.mark.parametrize(("kind", "on"), [(Receiver, False), (BandReceiver, True)])
+def test_where_it_is_off_or_left_to_another_are_no_files_and_no_counters(
+    tmp_path: Path, kind: type[Receiver], on: bool
+) -> None:
+    off = frame(tmp_path, channels=on)
+    receiver = kind(off, off.flight, [Sink()])
     receive(receiver)
     assert "kept_samples" not in receiver.counters()
     assert not (tmp_path / "iq").exists()

@@ -4,13 +4,13 @@ import asyncio
 import json
 import math
 import socket
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.unit.test_nmea import sentence
+from until import until_async as until
 
 from uavrt.config.settings import MavlinkSettings, PoseSettings, RecordingSettings, Settings
 from uavrt.demo.programs import free_udp_port
@@ -22,8 +22,6 @@ from uavrt.messages import Poses, PulsePose, StatusText
 from uavrt.processes.own_pose import pose_address
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
-
 MAST = PoseSettings(
     source="fixed",
     latitude_deg=46.501,
@@ -67,7 +65,7 @@ def texts(bay: Bay) -> list[str]:
 
 
 async def test_a_masts_pulses_have_its_place_and_the_ground_sees_where_it_stands(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     address = without_autopilot(bay, MAST, tmp_path)
     frames: list[Any] = []
@@ -96,7 +94,7 @@ async def test_a_masts_pulses_have_its_place_and_the_ground_sees_where_it_stands
 
 
 async def test_a_heading_that_is_typed_while_it_runs_is_in_force_at_once(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     address = without_autopilot(bay, MAST, tmp_path)
     async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
@@ -111,7 +109,7 @@ async def test_a_heading_that_is_typed_while_it_runs_is_in_force_at_once(
 
 
 async def test_a_person_with_an_nmea_receiver_is_where_it_says_whatever_else_comes(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     port = free_udp_port()
     source = PoseSettings(source="nmea", address=f"udpin://127.0.0.1:{port}", height_m=1.5)
@@ -150,7 +148,7 @@ async def test_a_person_with_an_nmea_receiver_is_where_it_says_whatever_else_com
 
 
 async def test_gpsd_is_asked_and_asked_again_when_it_comes_back(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     asked: list[bytes] = []
     clients: list[asyncio.StreamWriter] = []
@@ -185,7 +183,7 @@ async def test_gpsd_is_asked_and_asked_again_when_it_comes_back(
 
 
 async def test_a_receiver_that_falls_silent_is_named_and_pulses_go_on_without_a_place(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     port = free_udp_port()
     source = PoseSettings(source="nmea", address=f"udpin://127.0.0.1:{port}", heading_deg=0.0)

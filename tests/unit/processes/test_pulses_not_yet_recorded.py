@@ -1,23 +1,21 @@
 """Pulses are sent at once; the flight's database has them seconds later."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.messages import PulsePose, Recorded
 from uavrt.recording.flight_recorder import FlightRecorder
 
-Until = Callable[..., Awaitable[None]]
-
 
 @pytest.mark.timeout(90)
 async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwards(
-    bay: Any, until: Until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bay: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("uavrt.processes.connection.FIRST_REFILL_NS", 0)
     bay.recorder_quick = False

@@ -1,7 +1,6 @@
 """The recorder in this program, with the test in the supervisor's place."""
 
 import socket
-import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import made
 import pytest
 from some import some
+from sql import sql
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import AntennaSettings, RecordingSettings, Settings
@@ -220,9 +220,7 @@ def test_what_a_killed_recorder_had_not_committed_its_successor_gets_again(
     flight = read_flight(drone.info.directory)
     assert [text.text for _, text in flight.status_texts] == [str(n) for n in range(40)]
     assert len(flight.poses) == 400
-    with sqlite3.connect(Path(drone.info.directory) / "flight.sqlite") as database:
-        assert database.execute("SELECT count(*) FROM deliveries").fetchone() == (40,)
-    database.close()
+    assert sql(drone.info.directory, "SELECT count(*) FROM deliveries") == [(40,)]
 
 
 def test_what_was_sent_to_a_recorder_whose_supervisor_is_killed_reaches_the_disk(
@@ -338,10 +336,7 @@ def test_commands_whose_reply_never_comes_take_bounded_memory(drone: Drone) -> N
     reply = CommandReply(request_id=999, name="radio_status", accepted=True, message="")
     drone.send("command_reply", reply)
     drone.end()
-    with sqlite3.connect(Path(drone.info.directory) / "flight.sqlite") as database:
-        rows = database.execute("SELECT request_id, accepted FROM commands").fetchall()
-    database.close()
-    assert rows == [(999, 1)]
+    assert sql(drone.info.directory, "SELECT request_id, accepted FROM commands") == [(999, 1)]
 
 
 def test_the_end_of_a_flight_waits_for_no_pose(drone: Drone) -> None:

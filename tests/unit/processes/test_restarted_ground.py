@@ -1,21 +1,19 @@
 """A ground station that is started again while the drone detects."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.ground.station import Station, StationSettings
 from uavrt.mavlink import dialect
 from uavrt.messages import Tag
 from uavrt.tunnel.convert import tag_from_wire, tag_to_wire
 from uavrt.tunnel.tag_lists import digest_in, searched_text, tag_list_digest
-
-Until = Callable[..., Awaitable[None]]
 
 TAGS = tuple(
     made.tag(
@@ -30,7 +28,7 @@ TAGS = tuple(
 )
 
 
-def listen(bay: Any, directory: Path, until: Until, tags: tuple[Tag, ...]) -> list[Any]:
+def listen(bay: Any, directory: Path, tags: tuple[Tag, ...]) -> list[Any]:
     """Run a station with these tags and --start until it has a pulse; give its events."""
     events: list[Any] = []
 
@@ -55,20 +53,20 @@ def listen(bay: Any, directory: Path, until: Until, tags: tuple[Tag, ...]) -> li
 
 
 def test_a_restarted_station_listens_when_its_own_tags_are_searched(
-    bay: Any, until: Until, tmp_path: Path
+    bay: Any, tmp_path: Path
 ) -> None:
     bay.refusals["start_tags"] = f"detecting {searched_text(TAGS)}: send stop first"
-    events = listen(bay, tmp_path / "ground", until, TAGS)
+    events = listen(bay, tmp_path / "ground", TAGS)
     assert {"event": "already detecting", "tags": [2, 4, 6]} in events
     assert [event for event in events if event["event"] == "stopped"]  # Ctrl-C ends the search
     assert "stop_detection" in [command.name for command in bay.commands]
 
 
 def test_a_station_with_other_tags_says_which_are_searched_and_stops_nobody(
-    bay: Any, until: Until, tmp_path: Path
+    bay: Any, tmp_path: Path
 ) -> None:
     bay.refusals["start_tags"] = f"detecting {searched_text(TAGS)}: send stop first"
-    events = listen(bay, tmp_path / "ground", until, TAGS[:2])
+    events = listen(bay, tmp_path / "ground", TAGS[:2])
     (others,) = [event for event in events if event["event"] == "others detected"]
     assert "tags 2, 4, 6" in others["reason"]
     names = [command.name for command in bay.commands]
@@ -93,7 +91,7 @@ def test_what_is_searched_fits_an_acknowledgement_however_many_tags() -> None:
 
 
 def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
-    bay: Any, until: Until, tmp_path: Path
+    bay: Any, tmp_path: Path
 ) -> None:
     events: list[Any] = []
 

@@ -1,10 +1,10 @@
 """What the drone tells of itself, over the real way: connection, autopilot, ground station."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import made
+from until import until_async as until
 
 from uavrt.commands import SystemState
 from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
@@ -13,14 +13,12 @@ from uavrt.mavlink.frame import Frame
 from uavrt.messages import SearchReport, StatusText, SystemStatus
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
-
 TAGS = tuple(made.tag(number, 148.7e6 + 10_000.0 * number) for number in (2, 4))
 LONG = "Detector 1 gave up on tag 4: " + "its channel has been overloaded " * 5
 
 
 async def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
-    bay: Bay, until: Until
+    bay: Bay,
 ) -> None:
     loads: list[dialect.OnboardComputerStatus] = []
 
@@ -62,7 +60,7 @@ def report(tag_id: int, time_ns: int) -> SearchReport:
 
 
 async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_second(
-    bay: Bay, until: Until
+    bay: Bay,
 ) -> None:
     async with bay.running(), bay.ground_station() as (_, events):
         loop = asyncio.get_running_loop()
@@ -80,5 +78,5 @@ async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_se
             changed_s = loop.time()
             now_ns = bay.clock.now_ns()
             bay.deliver("system_status", made.system_status(now_ns, state=state, tags=TAGS))
-            await until(lambda state=state: last() is state)
+            await until(lambda state=state: last() is state)  # type: ignore[misc]
             assert loop.time() - changed_s < 0.3

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import struct
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import made
 import pytest
 from pulses import pulse_at
+from until import until_async as until
 
 from uavrt.commands import SystemState
 from uavrt.messages import Command, FlightInfo, PulsePose, StatusText
@@ -19,8 +20,6 @@ from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
-
 LYNX = made.tag(2, 148_710_000.0, name="lynx")
 FOX = replace(LYNX, tag_id=4_000_000, frequency_hz=148_720_000.0, name=None)
 
@@ -85,7 +84,7 @@ class StockStation(asyncio.DatagramProtocol):
 
 
 @contextlib.asynccontextmanager
-async def stock_station(bay: Bay, until: Until) -> AsyncIterator[StockStation]:
+async def stock_station(bay: Bay) -> AsyncIterator[StockStation]:
     from pymavlink.dialects.v20 import common
 
     station = StockStation(common)
@@ -163,11 +162,9 @@ class MissionBehind:
             assert self.mission.command(own).accepted
 
 
-async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(
-    bay: Bay, until: Until
-) -> None:
+async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(bay: Bay) -> None:
     behind = MissionBehind(bay)
-    async with bay.running(), stock_station(bay, until) as station:
+    async with bay.running(), stock_station(bay) as station:
         station.set_run(1)
         await until(lambda: station.runs == [0])
         await until(lambda: station.texts)
@@ -189,8 +186,8 @@ async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(
         await until(lambda: station.runs == [0, 1, 0, 1, 0])
 
 
-async def test_it_hears_of_a_tag_by_text_and_by_numbers(bay: Bay, until: Until) -> None:
-    async with bay.running(), stock_station(bay, until) as station:
+async def test_it_hears_of_a_tag_by_text_and_by_numbers(bay: Bay) -> None:
+    async with bay.running(), stock_station(bay) as station:
         begin_flight(bay)
         start_ns = bay.clock.now_ns() - 200_000_000_000
         hear(bay, 2, start_ns, snr_db=14.23)
@@ -211,9 +208,7 @@ async def test_it_hears_of_a_tag_by_text_and_by_numbers(bay: Bay, until: Until) 
         assert {("SNR2DQF4", 9.5), ("CNT2DQF4", 1.0)} < set(station.values)
 
 
-async def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(
-    bay: Bay, until: Until
-) -> None:
+async def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(bay: Bay) -> None:
     numbers: list[int] = []
 
     def take(frame: Any) -> None:
@@ -229,14 +224,12 @@ async def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(
     assert numbers == []
 
 
-async def test_numbers_reach_it_by_radio_while_our_pulses_go_by_wifi(
-    two_link_bay: Bay, until: Until
-) -> None:
+async def test_numbers_reach_it_by_radio_while_our_pulses_go_by_wifi(two_link_bay: Bay) -> None:
     bay = two_link_bay
     async with (
         bay.relay.running() as wifi,
         bay.running(),
-        stock_station(bay, until) as station,
+        stock_station(bay) as station,
         bay.ground_station(f"udpout://127.0.0.1:{wifi.port}", radio=False),
     ):
         await until(lambda: bay.process._link.tunnel._links == (1, 0))
@@ -247,7 +240,7 @@ async def test_numbers_reach_it_by_radio_while_our_pulses_go_by_wifi(
 
 
 async def test_a_restarted_connection_continues_its_counts_and_reports_no_tag_as_new(
-    bay: Bay, until: Until, tmp_path: Path
+    bay: Bay, tmp_path: Path
 ) -> None:
     start_ns = bay.clock.now_ns() - 100_000_000_000
     flight = replace(flight_of(bay), directory=str(tmp_path / "flight"))
@@ -260,7 +253,7 @@ async def test_a_restarted_connection_continues_its_counts_and_reports_no_tag_as
     recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=None) for pulse in before])
     recorder.close()
     bay.assignment = replace(bay.assignment, flight=flight)
-    async with bay.running(), stock_station(bay, until) as station:
+    async with bay.running(), stock_station(bay) as station:
         hear(bay, 2, start_ns, snr_db=9.0, after_s=3 * 1.254)
         await until(lambda: ("CNT_2", 3.0) in station.values)
         hear(bay, 2, start_ns, snr_db=8.0, after_s=90.0)

@@ -1,19 +1,17 @@
 """Radio and Wi-Fi at once: each pulse once, and a cut is bridged within two seconds."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from until import until_async as until
 
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.routes import FRESH_NS, STEADY_NS, Routes
 from uavrt.messages import PulsePose
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
-
 STATION = Peer(254, 190)
 SECOND = 10**9
 
@@ -27,7 +25,7 @@ def numbers(events: list[Any]) -> list[int]:
 
 
 async def test_pulses_go_by_wifi_and_when_it_is_cut_by_radio_each_once(
-    two_link_bay: Bay, until: Until
+    two_link_bay: Bay,
 ) -> None:
     bay = two_link_bay
     async with (
@@ -61,9 +59,7 @@ async def test_pulses_go_by_wifi_and_when_it_is_cut_by_radio_each_once(
         assert bay.process._link.tunnel.changes == 3
 
 
-async def test_a_command_is_answered_by_the_link_that_it_came_by(
-    two_link_bay: Bay, until: Until
-) -> None:
+async def test_a_command_is_answered_by_the_link_that_it_came_by(two_link_bay: Bay) -> None:
     bay = two_link_bay
     async with (
         bay.relay.running() as wifi,
@@ -82,7 +78,7 @@ async def test_a_command_is_answered_by_the_link_that_it_came_by(
 
 
 async def test_a_second_ground_station_on_the_radio_alone_gets_each_pulse_too(
-    two_link_bay: Bay, until: Until
+    two_link_bay: Bay,
 ) -> None:
     bay = two_link_bay
     async with (

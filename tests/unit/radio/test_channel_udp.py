@@ -38,13 +38,6 @@ def taken(order: FrameOrder) -> list[tuple[int, int]]:
     return found
 
 
-def test_frames_in_order_pass_at_once() -> None:
-    order = FrameOrder(RATE_HZ)
-    for number in range(5):
-        order.put(*frame(number))
-        assert taken(order) == [(number, 0)]
-
-
 @settings(max_examples=50)
 @given(st.permutations(range(1, 1 + HELD_FRAMES)))
 def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) -> None:

@@ -1,29 +1,13 @@
-"""Makers of `numbered` as fixtures."""
+"""A flight of two tags for the tests of recordings."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numbered
 import pytest
 
-from uavrt.messages import FlightInfo, Pose, Pulse, PulsePose
+from uavrt.messages import FlightInfo
 
 
 @pytest.fixture
-def make_pulse() -> Callable[..., Pulse]:
-    return numbered.pulse
-
-
-@pytest.fixture
-def make_pose() -> Callable[..., Pose]:
-    return numbered.pose
-
-
-@pytest.fixture
-def make_pulse_pose() -> Callable[..., PulsePose]:
-    return numbered.pulse_pose
-
-
-@pytest.fixture
-def make_info(tmp_path: Path) -> Callable[[], FlightInfo]:
-    return lambda: numbered.info(tmp_path / "flight_log_2023-11-17_07-16-59")
+def info(tmp_path: Path) -> FlightInfo:
+    return numbered.info(tmp_path / "flight_log_2023-11-17_07-16-59")

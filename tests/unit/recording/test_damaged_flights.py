@@ -1,13 +1,12 @@
 """Flights whose database holds other values than it should are refused with a sentence."""
 
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import made
 import pytest
 from past_flight import TAG, write_flight
 from some import some
+from sql import sql
 
 from uavrt.analysis.flown_with import antenna_poses
 from uavrt.errors import FormatError
@@ -21,12 +20,6 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
 @pytest.fixture
 def flight(tmp_path: Path) -> Path:
     return tmp_path / write_flight(tmp_path, 100.0, 200.0)
-
-
-def change(flight: Path, *statements: str) -> None:
-    with closing(sqlite3.connect(flight / "flight.sqlite")) as database, database:
-        for one in statements:
-            database.execute(one)
 
 
 @pytest.mark.parametrize(
@@ -59,20 +52,20 @@ def change(flight: Path, *statements: str) -> None:
     ],
 )
 def test_values_that_are_none_are_refused(flight: Path, statements: list[str]) -> None:
-    change(
+    sql(
         flight,
         "INSERT INTO health (time_ns, process, status, ok, counters)"
         " VALUES (1, 'a', '', 1, '{}')",
     )
     assert read_flight(flight).pulse_poses
-    change(flight, *statements)
+    sql(flight, *statements)
     with pytest.raises(FormatError, match=r"flight\.sqlite cannot be read"):
         read_flight(flight)
 
 
 @pytest.mark.parametrize("settings", ["[1]", '{"antenna": 5}', "[" * 9000, '{"antenna": {"yaw'])
 def test_settings_that_are_none_are_refused(flight: Path, settings: str) -> None:
-    change(flight, f"UPDATE flight SET settings = '{settings}'")
+    sql(flight, f"UPDATE flight SET settings = '{settings}'")
     with pytest.raises(FormatError, match=r"the settings of .* cannot be read"):
         antenna_poses(read_flight(flight))
 
@@ -80,9 +73,9 @@ def test_settings_that_are_none_are_refused(flight: Path, settings: str) -> None
 def test_poses_without_an_attitude_are_left_out(flight: Path) -> None:
     poses = len(antenna_poses(read_flight(flight)))
     zero = "UPDATE poses SET " + ", ".join(f"quaternion_{axis} = 0" for axis in "wxyz")
-    change(flight, f"{zero} WHERE time_ns = (SELECT min(time_ns) FROM poses)")
+    sql(flight, f"{zero} WHERE time_ns = (SELECT min(time_ns) FROM poses)")
     assert len(antenna_poses(read_flight(flight))) == poses - 1
-    change(flight, zero)
+    sql(flight, zero)
     with pytest.raises(FormatError, match=r"no pose of .* has an attitude"):
         antenna_poses(read_flight(flight))
 

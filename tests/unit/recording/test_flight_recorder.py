@@ -1,15 +1,14 @@
 """A flight is written and read; kills, full disks and repeats lose and double nothing."""
 
-import contextlib
 import math
 import random
 import shutil
-import sqlite3
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numbered
 import pytest
+from sql import sql
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import DetectionSettings, Settings
@@ -19,9 +18,7 @@ from uavrt.messages import (
     CommandReply,
     FlightInfo,
     Health,
-    Pose,
     Poses,
-    Pulse,
     PulsePose,
     SearchReport,
     StatusText,
@@ -34,23 +31,14 @@ from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
 START_NS = 1_700_205_419_230_494_976
 
-MakePulse = Callable[..., Pulse]
-MakePulsePose = Callable[..., PulsePose]
-MakePose = Callable[..., Pose]
-MakeInfo = Callable[..., FlightInfo]
-
 
 def test_what_is_recorded_is_read_back(
-    make_info: MakeInfo,
-    make_pulse: MakePulse,
-    make_pulse_pose: MakePulsePose,
-    make_pose: MakePose,
+    info: FlightInfo,
 ) -> None:
-    info = make_info()
     recorder = FlightRecorder.create(info, Settings())
-    posed = [make_pulse_pose(n, tag) for n in range(4) for tag in (2, 4)]
-    unposed = PulsePose(pulse=make_pulse(9), pose=None)
-    raw = Poses(poses=tuple(make_pose(START_NS + n * 20_000_000) for n in range(50)))
+    posed = [numbered.pulse_pose(n, tag) for n in range(4) for tag in (2, 4)]
+    unposed = PulsePose(pulse=numbered.pulse(9), pose=None)
+    raw = Poses(poses=tuple(numbered.pose(START_NS + n * 20_000_000) for n in range(50)))
     health = Health(
         process="receiver", time_ns=START_NS, status="ready", ok=True, counters={"lost": 3}
     )
@@ -85,17 +73,13 @@ def test_what_is_recorded_is_read_back(
     assert flight.status_texts == ((START_NS + 5, StatusText(severity=4, text="radio absent")),)
     assert flight.notes == ((START_NS + 9, "wall clock set forward by 3 s"),)
     assert recorder.committed_pulses == 9
-    with contextlib.closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as db:
-        rows = db.execute("SELECT name, detail, accepted, message FROM commands").fetchall()
+    rows = sql(info.directory, "SELECT name, detail, accepted, message FROM commands")
     assert rows == [("start_detection", '{"center_frequency_hz": 150000000.0}', 0, "no tags")]
 
 
-def test_the_thesis_files_lie_where_the_thesis_put_them(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose
-) -> None:
-    info = make_info()
+def test_the_thesis_files_lie_where_the_thesis_put_them(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses([make_pulse_pose(0, 2), make_pulse_pose(0, 4)])
+    recorder.write_pulse_poses([numbered.pulse_pose(0, 2), numbered.pulse_pose(0, 4)])
     recorder.close()
     root = Path(info.directory)
     assert (root / "airspy_csdr_netcat_log").is_dir()
@@ -110,19 +94,15 @@ def test_the_thesis_files_lie_where_the_thesis_put_them(
     assert {one.pulse.tag_id for one in everything} == {2, 4}
 
 
-def test_a_flights_detector_config_says_in_which_mode_was_searched(make_info: MakeInfo) -> None:
-    info = make_info()
+def test_a_flights_detector_config_says_in_which_mode_was_searched(info: FlightInfo) -> None:
     settings = Settings(detection=DetectionSettings(operating_mode="freqKnownHardLock"))
     FlightRecorder.create(info, settings).close()
     config = read_detector_config(FlightLayout(Path(info.directory)).tag_config(2))
     assert config.operating_mode == "freqKnownHardLock"
 
 
-def test_a_repeated_pulse_is_recorded_once(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose
-) -> None:
-    info = make_info()
-    one = make_pulse_pose()
+def test_a_repeated_pulse_is_recorded_once(info: FlightInfo) -> None:
+    one = numbered.pulse_pose()
     for _ in range(2):
         recorder = FlightRecorder.open(info)
         recorder.write_pulses([one.pulse])
@@ -133,10 +113,10 @@ def test_a_repeated_pulse_is_recorded_once(
     assert len(read_pulse_pose_log(Path(info.directory) / "pulse_pose_log.txt")) == 1
 
 
-def test_a_flight_is_begun_only_once(make_info: MakeInfo) -> None:
-    FlightRecorder.create(make_info()).close()
+def test_a_flight_is_begun_only_once(info: FlightInfo) -> None:
+    FlightRecorder.create(info).close()
     with pytest.raises(RecordingError, match="already holds a flight"):
-        FlightRecorder.create(make_info())
+        FlightRecorder.create(info)
 
 
 def test_what_is_no_flight_is_neither_reopened_nor_read(tmp_path: Path) -> None:
@@ -151,29 +131,25 @@ def test_what_is_no_flight_is_neither_reopened_nor_read(tmp_path: Path) -> None:
         FlightRecorder.reopen(tmp_path)
 
 
-def test_an_odd_record_bars_no_other(make_info: MakeInfo, make_pulse: MakePulse) -> None:
-    info = make_info()
+def test_an_odd_record_bars_no_other(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
-    odd = replace(make_pulse(1), snr_db=-math.inf, noise_psd=math.nan)
-    impossible = replace(make_pulse(2), start_time_ns=1 << 70)
-    recorder.write_pulses([make_pulse(0), odd, impossible, make_pulse(3)])
+    odd = replace(numbered.pulse(1), snr_db=-math.inf, noise_psd=math.nan)
+    impossible = replace(numbered.pulse(2), start_time_ns=1 << 70)
+    recorder.write_pulses([numbered.pulse(0), odd, impossible, numbered.pulse(3)])
     recorder.close()
     assert recorder.refused_records == 1
     read = [one.pulse for one in read_flight(info.directory).pulse_poses]
     assert [pulse.start_time_ns for pulse in read] == [
-        make_pulse(n).start_time_ns for n in (0, 1, 3)
+        numbered.pulse(n).start_time_ns for n in (0, 1, 3)
     ]
     assert read[1].snr_db == -math.inf
     assert math.isnan(read[1].noise_psd)
 
 
-def test_a_flight_is_read_while_it_is_written(
-    make_info: MakeInfo, make_pulse: MakePulse
-) -> None:
-    info = make_info()
+def test_a_flight_is_read_while_it_is_written(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
     for number in range(3):
-        recorder.write_pulses([make_pulse(number)])
+        recorder.write_pulses([numbered.pulse(number)])
         recorder.commit()
         assert len(read_flight(info.directory).pulse_poses) == number + 1
     recorder.close()
@@ -186,12 +162,9 @@ def test_two_flights_of_one_second_have_two_directories(tmp_path: Path) -> None:
     assert new_flight_directory(tmp_path, START_NS).name == f"{first.name}_2"
 
 
-def test_text_logs_cut_off_by_a_power_cut_are_completed(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose
-) -> None:
-    info = make_info()
+def test_text_logs_cut_off_by_a_power_cut_are_completed(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses(make_pulse_pose(n) for n in range(5))
+    recorder.write_pulse_poses(numbered.pulse_pose(n) for n in range(5))
     recorder.close()
     layout = FlightLayout(Path(info.directory))
     whole = layout.pulse_pose_log.read_text()
@@ -203,11 +176,10 @@ def test_text_logs_cut_off_by_a_power_cut_are_completed(
 
 
 def test_a_flight_on_a_medium_without_write_access_is_read_with_its_write_ahead_log(
-    make_info: MakeInfo, make_pulse: MakePulse, tmp_path: Path
+    info: FlightInfo, tmp_path: Path
 ) -> None:
-    info = make_info()
     recorder = FlightRecorder.create(info)
-    recorder.write_pulses([make_pulse(n) for n in range(5)])
+    recorder.write_pulses([numbered.pulse(n) for n in range(5)])
     recorder.commit()
     cut_off = tmp_path / "from the card"
     cut_off.mkdir()
@@ -220,14 +192,13 @@ def test_a_flight_on_a_medium_without_write_access_is_read_with_its_write_ahead_
 
 
 def test_a_write_ahead_log_torn_anywhere_leaves_a_prefix_of_the_flight(
-    make_info: MakeInfo, make_pulse: MakePulse, tmp_path: Path
+    info: FlightInfo, tmp_path: Path
 ) -> None:
-    info = make_info()
     recorder = FlightRecorder.create(info)
     recorder.close()  # the tables are in the database file
     recorder = FlightRecorder.reopen(info.directory)
     for number in range(20):
-        recorder.write_pulses([make_pulse(number)])
+        recorder.write_pulses([numbered.pulse(number)])
         recorder.commit()
     source = Path(info.directory)
     whole = (source / "flight.sqlite-wal").read_bytes()
@@ -242,18 +213,17 @@ def test_a_write_ahead_log_torn_anywhere_leaves_a_prefix_of_the_flight(
         # The length was written, the rest of the content was not: zeros, as ext4 leaves them.
         (torn / "flight.sqlite-wal").write_bytes(whole[:cut] + bytes(len(whole) - cut))
         read = read_flight(torn).pulse_poses
-        assert [one.pulse for one in read] == [make_pulse(n) for n in range(len(read))]
+        assert [one.pulse for one in read] == [numbered.pulse(n) for n in range(len(read))]
         counts.append(len(read))
     assert counts == sorted(counts)
     assert counts[-1] >= 15
 
 
 def test_after_a_checkpoint_the_database_file_alone_has_everything(
-    make_info: MakeInfo, make_pulse: MakePulse, tmp_path: Path, clock_of_test: VirtualClock
+    info: FlightInfo, tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    info = make_info()
     recorder = FlightRecorder.create(info)
-    recorder.write_pulses([make_pulse(number) for number in range(20)])
+    recorder.write_pulses([numbered.pulse(number) for number in range(20)])
     clock_of_test.now_s += CHECKPOINT_S
     recorder.commit()
     alone = tmp_path / "alone"

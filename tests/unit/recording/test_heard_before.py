@@ -1,10 +1,9 @@
 """What a flight's database says was heard so far, also at its very beginning."""
 
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import pytest
+from sql import sql
 
 from uavrt.errors import RecordingError
 from uavrt.recording.heard import heard_tags
@@ -14,8 +13,7 @@ from uavrt.recording.layout import FlightLayout
 def test_in_a_new_flight_whose_tables_are_not_made_yet_nothing_was_heard(
     tmp_path: Path,
 ) -> None:
-    with closing(sqlite3.connect(FlightLayout(tmp_path).database)) as database:
-        database.execute("PRAGMA user_version = 4")
+    sql(tmp_path, "PRAGMA user_version = 4")
     assert heard_tags(tmp_path) == {}
 
 

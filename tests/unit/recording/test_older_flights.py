@@ -1,18 +1,16 @@
 """Flights that an older version recorded are read and gone on with."""
 
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import made
 import numbered
+from sql import sql
 
 from uavrt.ground.store.flights import PULSE_COLUMNS, FlightLibrary
 from uavrt.messages import FlightInfo, PulsePose
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.recording.layout import FlightLayout
 from uavrt.recording.schema import VERSION
 from uavrt.recording.spool import undelivered
 
@@ -31,20 +29,14 @@ def record_and_age(info: FlightInfo) -> list[PulsePose]:
     """Record a flight and make its database one of version 1."""
     recorded = [numbered.pulse_pose(number) for number in range(5)]
     made.flight(info, pulse_poses=recorded)
-    with closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as database:
-        database.execute("ALTER TABLE pulses RENAME TO newer")
-        database.execute(PULSES_OF_VERSION_1)
-        names = [row[1] for row in database.execute("PRAGMA table_info(pulses)")]
-        columns = ", ".join(names)
-        database.execute(f"INSERT INTO pulses ({columns}) SELECT {columns} FROM newer")
-        database.execute("DROP TABLE newer")
-        database.execute("PRAGMA user_version=1")
-        database.commit()
+    sql(info.directory, "ALTER TABLE pulses RENAME TO newer", PULSES_OF_VERSION_1)
+    columns = ", ".join(row[1] for row in sql(info.directory, "PRAGMA table_info(pulses)"))
+    copy = f"INSERT INTO pulses ({columns}) SELECT {columns} FROM newer"
+    sql(info.directory, copy, "DROP TABLE newer", "PRAGMA user_version=1")
     return recorded
 
 
-def test_a_flight_of_version_1_is_read_by_all_that_read_flights(tmp_path: Path) -> None:
-    info = numbered.info(tmp_path / "flight")
+def test_a_flight_of_version_1_is_read_by_all_that_read_flights(info: FlightInfo) -> None:
     recorded = record_and_age(info)
     assert read_flight(info.directory).pulse_poses == tuple(recorded)
     waiting, more = undelivered(info.directory, store=1, limit=10)
@@ -59,27 +51,22 @@ def test_a_flight_of_version_1_is_read_by_all_that_read_flights(tmp_path: Path) 
 
 
 def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
-    tmp_path: Path,
+    info: FlightInfo,
 ) -> None:
-    info = numbered.info(tmp_path / "flight")
     recorded = record_and_age(info)
     recorder = FlightRecorder.reopen(info.directory)
     newer = numbered.pulse_pose(7)
-    doubtful = replace(
-        newer,
-        pulse=replace(
-            newer.pulse, also_possible_tag_ids=(4, 6), ghost_of_tag_id=8, clipped=True
-        ),
-    )
+    doubt = {"also_possible_tag_ids": (4, 6), "ghost_of_tag_id": 8, "clipped": True}
+    doubtful = replace(newer, pulse=replace(newer.pulse, **doubt))  # type: ignore[arg-type]
     recorder.write_pulse_poses([doubtful])
     recorder.close()
     assert read_flight(info.directory).pulse_poses == (*recorded, doubtful)
-    with closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as database:
-        assert database.execute("PRAGMA user_version").fetchone() == (VERSION,)
+    assert sql(info.directory, "PRAGMA user_version") == [(VERSION,)]
 
 
-def test_what_is_in_doubt_of_a_pulse_is_read_back_before_it_has_a_pose(tmp_path: Path) -> None:
-    info = numbered.info(tmp_path / "flight")
+def test_doubt_about_a_pulse_is_read_back_before_it_has_a_pose(
+    info: FlightInfo,
+) -> None:
     pulses = [
         numbered.pulse(0),
         replace(numbered.pulse(1), also_possible_tag_ids=(4,)),

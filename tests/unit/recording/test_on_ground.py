@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.config.settings import Settings
-from uavrt.messages import Health
 from uavrt.on_ground import EVER_NS, spans_on_ground
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
@@ -22,14 +21,8 @@ def recorded(tmp_path: Path, counters: list[dict[str, float]]) -> tuple[tuple[in
     info = made.flight_info(tmp_path / "flight", start_time_ns=START_NS)
     recorder = FlightRecorder.create(info, Settings())
     for number, one in enumerate(counters):
-        said = Health(
-            process="connection",
-            time_ns=START_NS + number * SECOND,
-            status="ready",
-            ok=True,
-            counters=one,
-        )
-        recorder.write_health(said)
+        at_ns = START_NS + number * SECOND
+        recorder.write_health(made.health("connection", at_ns, counters=one))
     recorder.close()
     return read_flight(info.directory).on_ground_ns
 

@@ -8,14 +8,11 @@ import numbered
 import pytest
 
 from uavrt.errors import RecordingError
-from uavrt.messages import FlightInfo, PulsePose
+from uavrt.messages import FlightInfo
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_pose_log import read_pulse_pose_log
-
-MakePulsePose = Callable[..., PulsePose]
-MakeInfo = Callable[..., FlightInfo]
 
 
 def remove_all(root: Path) -> None:
@@ -35,24 +32,22 @@ def replace_database(root: Path) -> None:
 @pytest.mark.parametrize("hurt", [remove_all, remove_database, replace_database])
 @pytest.mark.parametrize("durable", [False, True])
 def test_a_database_that_is_removed_under_the_recorder_is_written_again_and_whole(
-    make_info: MakeInfo,
-    make_pulse_pose: MakePulsePose,
+    info: FlightInfo,
     hurt: Callable[[Path], None],
     durable: bool,
 ) -> None:
-    info = make_info()
     recorder = FlightRecorder.open(info, durable=durable)
-    recorder.write_pulse_poses(make_pulse_pose(n) for n in range(50))
+    recorder.write_pulse_poses(numbered.pulse_pose(n) for n in range(50))
     recorder.commit()
     assert not recorder.is_suspect()
     assert recorder.mended == ""
     hurt(Path(info.directory))
     assert recorder.is_suspect()
     for number in (50, 51):
-        recorder.write_pulse_poses([make_pulse_pose(number)])
+        recorder.write_pulse_poses([numbered.pulse_pose(number)])
         recorder.commit()
         flight = read_flight(info.directory)
-        assert flight.pulse_poses == tuple(make_pulse_pose(n) for n in range(number + 1))
+        assert flight.pulse_poses == tuple(numbered.pulse_pose(n) for n in range(number + 1))
     assert "written again" in recorder.mended
     assert not recorder.is_suspect()
     recorder.close()
@@ -62,31 +57,31 @@ def test_a_database_that_is_removed_under_the_recorder_is_written_again_and_whol
 
 
 def test_a_flight_whose_directory_cannot_be_made_again_waits_and_loses_nothing(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose, tmp_path: Path
+    info: FlightInfo, tmp_path: Path
 ) -> None:
     info = numbered.info(tmp_path / "card" / "flight")
     recorder = FlightRecorder.open(info, durable=True)
-    recorder.write_pulse_poses([make_pulse_pose(0)])
+    recorder.write_pulse_poses([numbered.pulse_pose(0)])
     recorder.commit()
     (tmp_path / "card").rename(tmp_path / "away")
     (tmp_path / "card").write_text("a file in its place")
     for number in (1, 2):
-        recorder.write_pulse_poses([make_pulse_pose(number)])
+        recorder.write_pulse_poses([numbered.pulse_pose(number)])
         with pytest.raises(RecordingError, match="cannot"):
             recorder.commit()
     (tmp_path / "card").unlink()
     recorder.close()
     found = read_flight(info.directory).pulse_poses
-    assert found == tuple(make_pulse_pose(n) for n in range(3))
+    assert found == tuple(numbered.pulse_pose(n) for n in range(3))
 
 
 def test_a_flight_that_has_not_begun_or_whose_disk_is_full_is_suspect(
-    make_info: MakeInfo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    info: FlightInfo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
     unbegun = FlightRecorder.open(numbered.info(tmp_path / "file" / "flight"))
     assert unbegun.is_suspect()
-    recorder = FlightRecorder.open(make_info())
+    recorder = FlightRecorder.open(info)
     assert not recorder.is_suspect()
     usage = shutil.disk_usage(tmp_path)._replace(free=10_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)

@@ -1,25 +1,21 @@
 """A flight of the drone gets its tags' names from the ground station's list near it."""
 
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from past_flight import TAG, write_flight
+from sql import sql
 
 from uavrt.config.tag_files import write_tags
 from uavrt.recording.flight_reader import read_flight
-from uavrt.recording.layout import FlightLayout
 
 
 @pytest.fixture
 def nameless(tmp_path: Path) -> Path:
     """As the drone records it: the tag's message has no name."""
     flight = tmp_path / "flights" / write_flight(tmp_path / "flights", 300.0, 200.0)
-    with closing(sqlite3.connect(FlightLayout(flight).database)) as database:
-        database.execute("UPDATE tags SET name = NULL")
-        database.commit()
+    sql(flight, "UPDATE tags SET name = NULL")
     (tmp_path / "flights" / "tags.toml").unlink(missing_ok=True)
     return flight
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import made
+import pytest
 from ros_bench import (
     FLIGHT,
     NEIGHBOUR,
@@ -17,7 +18,7 @@ from ros_bench import (
 )
 
 from uavrt.commands import SystemState
-from uavrt.messages import Command, CommandReply, ProcessStatus
+from uavrt.messages import Command, ProcessStatus
 from uavrt.ros2.cdr import decode, encode
 from uavrt.ros2.convert import coded_tag_to_ros, pulse_to_ros, tag_to_ros
 from uavrt.ros2.graph import TOPICS
@@ -107,14 +108,7 @@ def test_a_refused_tag_begins_the_next_upload_anew() -> None:
     bench.run(0.1)
     assert bench.commands() == ["start_tags", "add_tag"]
     start = bench.sent[0][1]
-    bench.gateway.take(
-        CommandReply(
-            request_id=start.request_id,
-            name="start_tags",
-            accepted=False,
-            message="detecting: send stop first",
-        )
-    )
+    bench.gateway.take(made.reply(start, "detecting: send stop first", accepted=False))
     assert "start_tags refused: detecting" in bench.line.on("rosout")[-1].msg
     bench.line.hear("store_tag_information", tag_to_ros(TAG))
     bench.run(0.1)
@@ -159,9 +153,12 @@ def test_pulses_of_other_computers_are_taken_once_and_not_sent_back() -> None:
     assert bench.line.on("pulse") == []
 
 
-def test_pulses_of_other_computers_are_not_taken_unless_wanted() -> None:
-    bench = Bench()
-    bench.line.hear("pulse", pulse_to_ros(PULSE, "/elsewhere"))
+@pytest.mark.parametrize(("wanted", "sender"), [(False, OPERATOR), (True, NEIGHBOUR)])
+def test_pulses_that_are_not_wanted_or_of_another_drone_s_gateway_are_not_taken(
+    wanted: bool, sender: Sender
+) -> None:
+    bench = Bench(accept_pulses=wanted)
+    bench.line.hear("pulse", pulse_to_ros(PULSE, "/elsewhere"), sender)
     bench.run(0.1)
     assert bench.sent == []
 
@@ -204,13 +201,6 @@ def test_an_order_whose_sender_nobody_knows_is_refused() -> None:
     bench.run(0.1)
     assert bench.commands() == []
     assert "not known" in bench.line.on("rosout")[-1].msg
-
-
-def test_pulses_of_another_drone_s_gateway_are_never_ours() -> None:
-    bench = Bench(accept_pulses=True)
-    bench.line.hear("pulse", pulse_to_ros(PULSE, "/elsewhere"), NEIGHBOUR)
-    bench.run(0.1)
-    assert bench.sent == []
 
 
 def test_a_start_says_how_many_tags_were_sent_the_refused_ones_among_them() -> None:

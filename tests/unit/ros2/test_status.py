@@ -2,17 +2,12 @@
 
 import made
 
-from uavrt.commands import SystemState
 from uavrt.config.settings import Settings
-from uavrt.messages import SystemStatus
 from uavrt.ros2.status import component_status
 
 
 def test_tags_of_one_band_show_the_one_worker_that_serves_both() -> None:
-    status = SystemStatus(
-        time_ns=0,
-        state=SystemState.DETECTING,
-        flight_directory=None,
+    status = made.system_status(
         center_frequency_hz=148.7e6,
         tags=(made.tag(2, 148.6e6), made.tag(4, 148.6005e6), made.tag(6, 148.9e6)),
         processes=(

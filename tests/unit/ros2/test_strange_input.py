@@ -1,5 +1,6 @@
 """What the gateway refuses of what ROS 2 programs send, and what it says of it."""
 
+import re
 from dataclasses import replace
 
 import made
@@ -17,28 +18,29 @@ def start(**values: str) -> DiagnosticArray:
     return DiagnosticArray(status=(DiagnosticStatus(message="start", values=pairs),))
 
 
+FREQUENCIES = ["nan", "148705000", "-148.7", "0", "1e99", "", "148,7", "1_48", "inf"]
+GAINS = ["1_5", "nan", "15.5", "22", "-2", "much", "1e30"]
+
+
 @pytest.mark.parametrize(
-    "megahertz", ["nan", "148705000", "-148.7", "0", "1e99", "", "148,7", "1_48", "inf"]
+    ("name", "value", "told"),
+    [
+        *(
+            ("center_frequency", f, r"radio frequency cannot .*20 to 1000 MHz")
+            for f in FREQUENCIES
+        ),
+        *(("gain", gain, r"RADIO_GAIN cannot .*0 to 21") for gain in GAINS),
+    ],
 )
-def test_a_start_with_an_impossible_frequency_is_refused_with_the_range(megahertz: str) -> None:
+def test_a_start_with_an_impossible_value_is_refused_with_the_range(
+    name: str, value: str, told: str
+) -> None:
     bench = Bench()
-    bench.line.hear("control_start_subprocess", start(center_frequency=megahertz))
+    bench.line.hear("control_start_subprocess", start(**{name: value}))
     bench.run(0.1)
     assert bench.commands() == []
     (line,) = bench.line.on("rosout")
-    assert "radio frequency cannot be" in line.msg
-    assert "20 to 1000 MHz" in line.msg
-
-
-@pytest.mark.parametrize("gain", ["1_5", "nan", "15.5", "22", "-2", "much", "1e30"])
-def test_a_start_with_an_impossible_gain_is_refused_with_the_range(gain: str) -> None:
-    bench = Bench()
-    bench.line.hear("control_start_subprocess", start(gain=gain))
-    bench.run(0.1)
-    assert bench.commands() == []
-    (line,) = bench.line.on("rosout")
-    assert "RADIO_GAIN cannot be" in line.msg
-    assert "0 to 21" in line.msg
+    assert re.search(told, line.msg)
 
 
 def test_a_start_with_possible_values_has_them() -> None:
@@ -56,15 +58,18 @@ IN_2038 = (2**31 - 1) * S
     ("tag_id", "start_ns", "reason"),
     [
         (77, PULSE.start_time_ns, "not a tag of this flight"),
+        (TAG.tag_id, None, "no flight"),
         (TAG.tag_id, IN_2038, "s in the future"),
         (TAG.tag_id, FLIGHT.start_time_ns - 3 * S, "3 s before the flight"),
     ],
 )
 def test_a_pulse_that_is_not_of_this_flight_is_refused(
-    tag_id: int, start_ns: int, reason: str
+    tag_id: int, start_ns: int | None, reason: str
 ) -> None:
     bench = Bench(accept_pulses=True)
-    bench.gateway.take_flight(FLIGHT)
+    if start_ns is not None:
+        bench.gateway.take_flight(FLIGHT)
+    start_ns = start_ns or PULSE.start_time_ns
     pulse = replace(
         PULSE, tag_id=tag_id, start_time_ns=start_ns, end_time_ns=start_ns + 20_000_000
     )
@@ -73,14 +78,6 @@ def test_a_pulse_that_is_not_of_this_flight_is_refused(
     assert bench.sent == []
     assert reason in bench.line.on("rosout")[-1].msg
     assert bench.gateway.counters["ros2_messages_refused"] == 1
-
-
-def test_a_pulse_is_refused_while_no_flight_is_in_progress() -> None:
-    bench = Bench(accept_pulses=True)
-    bench.line.hear("pulse", pulse_to_ros(PULSE, ""))
-    bench.run(0.1)
-    assert bench.sent == []
-    assert "no flight" in bench.line.on("rosout")[-1].msg
 
 
 def test_the_end_of_an_upload_says_how_many_tags_were_sent() -> None:

@@ -240,8 +240,7 @@ def test_a_disk_that_cannot_be_written_costs_the_memory_only(tmp_path: Path) -> 
     store = StateStore(blocked / "flights")
     store.claim()
     mission = new_mission(tmp_path)
-    state = replace(
+    store.keep(
         SavedState(boot_id="b", clock_offset_ns=0, state=mission.state, tags=(), flight=None)
     )
-    store.keep(state)
     assert store.read() is None

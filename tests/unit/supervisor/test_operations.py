@@ -1,6 +1,5 @@
 """Saving and removing flights, and captures, as an operator sees them."""
 
-import asyncio
 import os
 import shutil
 from dataclasses import replace
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.commands import SystemState
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
@@ -48,8 +48,7 @@ class Drone:
         return self.mission.command(command)
 
     async def done(self) -> Operation:
-        while self.operations.running is not None:  # noqa: ASYNC110 - in a thread
-            await asyncio.sleep(0.005)
+        await until(lambda: self.operations.running is None)
         return self.steps[-1]
 
 
@@ -139,8 +138,7 @@ async def test_the_system_ends_though_the_drive_does_not_answer(tmp_path: Path) 
     os.mkfifo(hanging)  # opening it takes until somebody reads
     drone = Drone(tmp_path / "flights", tmp_path / "drive")
     assert drone.say("save_logs").accepted
-    while not drone.steps or not drone.steps[-1].message:  # noqa: ASYNC110 - in a thread
-        await asyncio.sleep(0.005)
+    await until(lambda: drone.steps and drone.steps[-1].message)
     await drone.operations.end()
     assert drone.operations.running is not None
     os.close(os.open(hanging, os.O_RDONLY))  # lets the thread go

@@ -100,17 +100,6 @@ def test_an_impossible_value_is_refused_and_changes_nothing(tmp_path: Path) -> N
     assert not (tmp_path / PARAMETERS_NAME).exists()
 
 
-def test_a_start_with_an_impossible_gain_is_refused_with_the_range(tmp_path: Path) -> None:
-    operator = Operator(tmp_path, RADIO)
-    operator.say("start_tags")
-    operator.say("add_tag", tag=TAG)
-    operator.say("end_tags")
-    reply = operator.say("start_detection", gain=40)
-    assert not reply.accepted
-    assert "0 to 21" in reply.message
-    assert operator.mission.state is SystemState.HAS_TAGS
-
-
 def with_tags(operator: Operator, source: str = "") -> Operator:
     operator.say("start_tags", source=source)
     operator.say("add_tag", tag=TAG, source=source)

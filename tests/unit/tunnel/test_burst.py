@@ -4,6 +4,7 @@ import struct
 from random import Random
 from typing import Any
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,29 +24,13 @@ GROUND = (255, 190)
 
 
 def burst_of(tag_id: int = 7, start_ns: int = START_NS, **fields: Any) -> Pulse:
-    given = {
+    given: dict[str, Any] = {
         "burst_starts_ns": tuple(start_ns + ms * 1_000_000 for ms in (0, 25, 80, 111)),
         "burst_snrs_db": (11.25, 10.5, 12.0, -0.75),
         "also_possible_tag_ids": (9,),
     }
-    return Pulse(
-        tag_id=tag_id,
-        frequency_hz=150e6,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 2_500_000,
-        snr_db=11.0,
-        group_snr_db=11.0,
-        score=1.5,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-        **{**given, **fields},
-    )
+    given |= {"tag_id": tag_id, "frequency_hz": 150e6, "end_time_ns": start_ns + 2_500_000}
+    return made.pulse(start_ns, snr_db=11.0, score=1.5, noise_psd=1e-9, **(given | fields))
 
 
 def test_the_bytes_are_those_of_the_manual() -> None:

@@ -64,17 +64,15 @@ def test_the_ground_is_answered_in_its_own_generation(
     assert isinstance(decode(exchange.pulse(PULSE)), pulse)
 
 
-def test_start_carries_the_frequency_and_gain_chosen_on_the_ground() -> None:
-    start = StartDetection(radio_center_frequency_hz=148_700_000, gain=17)
-    command = Exchange().receive(start.encode(), QGC)
-    assert isinstance(command, Command)
-    assert (command.center_frequency_hz, command.gain) == (148_700_000, 17)
-
-
-def test_a_start_without_a_frequency_leaves_it_to_the_tuner() -> None:
-    command = Exchange().receive(header(CommandId.START_DETECTION), QGC)
-    assert isinstance(command, Command)
-    assert command.center_frequency_hz is None
+def test_start_carries_the_frequency_and_gain_chosen_on_the_ground_or_leaves_them() -> None:
+    start = StartDetection(radio_center_frequency_hz=148_700_000, gain=17).encode()
+    for payload, chosen in (
+        (start, (148_700_000, 17)),
+        (header(CommandId.START_DETECTION), (None, None)),
+    ):
+        command = Exchange().receive(payload, QGC)
+        assert isinstance(command, Command)
+        assert (command.center_frequency_hz, command.gain) == chosen
 
 
 def test_a_tag_of_the_wrong_length_is_refused_with_the_reason() -> None:
