@@ -44,7 +44,8 @@ _YOUNG_S = 2.0
 _YOUNG_COLOURED = 6.0
 """The same in the first two seconds, when the density is known to a third."""
 _LOOK_EVERY = 4
-"""Steps between looks while the noise is white: a look takes a tenth of a step."""
+"""Steps between looks while the noise is white, and between filters while it is not: a look
+takes a tenth of a step."""
 _FEWEST = 12
 """Windows of which a median is known well enough to show a rise."""
 
@@ -109,10 +110,13 @@ class Whitener:
         weight = min(1.0, span_s / min(self._seen_s, _MEMORY_S))
         limited = np.minimum(power, _LIMIT * self._density).mean(axis=0)
         self._density += weight * (limited - self._density)
+        new = self._taps is None or self._seen_s <= _MEMORY_S or not self._steps % _LOOK_EVERY
         if len(pieces) >= _FEWEST:
             risen = _smooth(middle) > _RISE * _smooth(self._density)
             self._density[risen] = middle[risen]
-        self._choose()
+            new = new or bool(risen.any())
+        if new:
+            self._choose()
 
     def _choose(self) -> None:
         """Make the filter for the density, or none where the noise is white."""
