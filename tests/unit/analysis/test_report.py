@@ -101,7 +101,7 @@ def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
 
 def test_the_headline_says_what_may_be_wrong_with_all_bearings(survey: Survey) -> None:
     detail = words.findings(survey)[0].detail
-    assert "a common error" in detail
+    assert "a shared error" in detail
 
 
 def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:

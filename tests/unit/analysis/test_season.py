@@ -196,7 +196,7 @@ def test_the_command_prints_the_season_and_writes_a_line_for_each_animal(
     app(["season", str(folder), "-o", str(table)], result_action="return_value")
     said = capsys.readouterr()
     assert "3 flights, 42 minutes" in said.out
-    assert "14.0 minutes of flight for each time" in said.out
+    assert "14.0 minutes of flight per detection" in said.out
     assert "flight_log_4 cannot be read" in said.err
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     assert [row["tag_id"] for row in rows] == ["2", "4"]

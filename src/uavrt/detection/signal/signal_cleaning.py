@@ -23,7 +23,7 @@ class Cleaner:
     """Cleans the samples of one stream, stretch by stretch.
 
     `band_hz`: offset from the channel's centre and half-width of the band that is searched: the
-    noise is made white and steady there before impulses are looked for.
+    noise is made white and steady there, and impulses are looked for in white noise.
     """
 
     def __init__(
@@ -76,7 +76,9 @@ class Cleaner:
     @property
     def margin(self) -> int:
         """Samples that must be there beyond a stretch."""
-        return self._beyond + self._ahead
+        whitener = self._whitener
+        ahead = whitener.reach if whitener is not None and whitener.active else 0
+        return self._beyond + self._ahead + ahead
 
     @property
     def _beyond(self) -> int:
@@ -93,7 +95,7 @@ class Cleaner:
 
         `renew`: measure the floor again.
         """
-        ready = min(buffer.end, last + self.margin)
+        ready = max(self._without_lines, min(buffer.end, last + self.margin))
         buffer.examine(ready)
         if self._whitener is None or self._limiter is None:
             self._cancel_lines(buffer, first, last)
@@ -154,11 +156,21 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Zero impulses in [first, last), looking a flank to either side."""
+        """Zero impulses in [first, last), looking a flank to either side.
+
+        They are looked for in white noise: a strong neighbour's moments of high power are no
+        impulses, and the cuts would leak into the band of the tag.
+        """
         margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)
         stretch = buffer.view(low, high)
+        if self._whitener is not None and self._whitener.active:
+            white = max(low, self._white)
+            ahead = buffer.view(high, min(buffer.end, high + self._whitener.reach))
+            before = buffer.view(low, white)
+            rest = self._whitener.preview(before, buffer.view(white, high), ahead)
+            stretch = np.concatenate((before, rest))
         if not len(stretch):
             return
         if self.floor <= 0.0 or renew:
@@ -173,6 +185,8 @@ class Cleaner:
                 first=first - low,
                 last=last - low,
             )
+            for a, b in blanked:
+                buffer.view(low + a, low + b)[:] = 0.0
             self._counters.samples_blanked += sum(b - a for a, b in blanked)
             buffer.blanked += [(low + a, low + b) for a, b in blanked]
 

@@ -3,14 +3,15 @@
 A window one pulse long has side lobes, and what leaks through them from a band of noise beside
 the tag comes from the window's two ends: such cells change within a fraction of a pulse, agree
 a pulse apart, and make ten times the false groups of white noise of their power. The matched
-filter for noise of a density S is the pulse divided by S; here the samples are filtered by
-S to the power of minus one half, and all that follows may take the noise as white.
+filter for noise of a density S is the pulse divided by S: the samples are divided by S up to
+ten times the noise of the searched band, and by the square root of what is more. A neighbour
+comes out 10 dB below that noise, so that its keying does not show either, and all that follows
+may take the noise as white.
 
 The density is a mean over ten seconds that learns a rise at once. The filter is symmetric, so
 that no pulse is shifted, and has a gain of one at the tag's frequency. It comes from linear
 prediction (J. Makhoul, Linear prediction: a tutorial review, Proc. IEEE 63, 1975): a predictor
-of noise with the density sqrt(S) leaves it white, and its output filtered backwards has the
-gain of S to the power of minus one half.
+of noise with a density D leaves it white, and its output filtered backwards has the gain 1 / D.
 """
 
 import math
@@ -18,7 +19,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.signal.in_place import Surroundings
+from uavrt.detection.signal.in_place import Samples, Surroundings
 
 REACH_S = 0.008
 """Length of the filter to either side: it resolves 100 Hz."""
@@ -31,6 +32,9 @@ _LIMIT = 6.0
 _RISE = 2.2
 """Ratio of a median of new windows to the density from which it replaces the density; noise
 alone errs by a quarter."""
+_SUPPRESSED = 10.0
+"""Ratio of the noise density to that of the tag's band above which the filter divides by the
+square root: a neighbour's power after the filter is one over this."""
 _SMOOTH_BINS = 5
 _COLOURED = 3.0
 """Highest density over that of the tag's band at which the samples begin to be filtered."""
@@ -40,7 +44,8 @@ _YOUNG_S = 2.0
 _YOUNG_COLOURED = 6.0
 """The same in the first two seconds, when the density is known to a third."""
 _LOOK_EVERY = 4
-"""Steps between looks while the noise is white: a look takes a tenth of a step."""
+"""Steps between looks while the noise is white, and between filters while it is not: a look
+takes a tenth of a step."""
 _FEWEST = 12
 """Windows of which a median is known well enough to show a rise."""
 
@@ -75,7 +80,7 @@ class Whitener:
         """Whether the samples are being filtered."""
         return self._taps is not None
 
-    def learn(self, samples: NDArray[np.complex64]) -> None:
+    def learn(self, samples: Samples) -> None:
         """Follow the density with new samples, and make the filter for them.
 
         `samples` (n,): without carriers, not filtered; lost samples are zero.
@@ -105,10 +110,13 @@ class Whitener:
         weight = min(1.0, span_s / min(self._seen_s, _MEMORY_S))
         limited = np.minimum(power, _LIMIT * self._density).mean(axis=0)
         self._density += weight * (limited - self._density)
+        new = self._taps is None or self._seen_s <= _MEMORY_S or not self._steps % _LOOK_EVERY
         if len(pieces) >= _FEWEST:
             risen = _smooth(middle) > _RISE * _smooth(self._density)
             self._density[risen] = middle[risen]
-        self._choose()
+            new = new or bool(risen.any())
+        if new:
+            self._choose()
 
     def _choose(self) -> None:
         """Make the filter for the density, or none where the noise is white."""
@@ -120,7 +128,8 @@ class Whitener:
         if highest < (least_coloured if self._taps is None else _PLAIN):
             self._taps = None
             return
-        lags = np.fft.ifft(np.sqrt(np.maximum(self._density / max(least, 1e-30), 1.0)))
+        over = np.maximum(self._density / max(least, 1e-30), 1.0)
+        lags = np.fft.ifft(np.sqrt(over * np.minimum(over, _SUPPRESSED)))
         self._taps = self._filter(lags)
 
     def _filter(self, lags: NDArray[np.complex128]) -> NDArray[np.complex64]:
@@ -137,12 +146,7 @@ class Whitener:
         gain = (taps * np.exp(-1j * self._radian * at)).sum().real
         return np.asarray(taps / gain, np.complex64)
 
-    def filter(
-        self,
-        before: NDArray[np.complex64],
-        samples: NDArray[np.complex64],
-        after: NDArray[np.complex64],
-    ) -> None:
+    def filter(self, before: Samples, samples: Samples, after: Samples) -> None:
         """Filter new samples in place; for the others see `Surroundings.of`."""
         if self._taps is None:
             self._surroundings.unfiltered()
@@ -151,6 +155,15 @@ class Whitener:
         whole = self._surroundings.of(before, samples, after, side)
         self._surroundings.filtered(whole, side)
         samples[:] = np.convolve(whole, self._taps, "valid")
+
+    def preview(self, before: Samples, samples: Samples, after: Samples) -> Samples:
+        """Return what `filter` would make of new samples; lost ones stay zero."""
+        assert self._taps is not None
+        side = (len(self._taps) - 1) // 2
+        whole = self._surroundings.of(before, samples, after, side)
+        white = np.convolve(whole, self._taps, "valid")
+        white[samples == 0.0] = 0.0
+        return white
 
 
 def _smooth(density: NDArray[np.float64]) -> NDArray[np.float64]:
