@@ -98,7 +98,7 @@ def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(flight: Pa
             with pytest.raises(FormatError, match="an outline"):
                 desk.absence(asked, wanted | {"outline": [[8.0, 47.0]]})
         else:
-            with pytest.raises(UsageError, match="was heard"):
+            with pytest.raises(UsageError, match="was detected"):
                 desk.absence(asked, wanted | {"outline": around(flight, 200.0)})
     assert found[heard]["heard_pulses"]
     assert not found[silent]["heard_pulses"]
@@ -204,7 +204,7 @@ def test_a_tag_found_in_hindsight_is_not_silent(
     desk, wanted = SilenceDesk(), {"tag_id": silent, "tag_power_dbm": -62}
     asked = Silence.asked(flight, ANTENNA, wanted)
     assert answered(desk, asked)["in_hindsight"]
-    with pytest.raises(UsageError, match="was heard"):
+    with pytest.raises(UsageError, match="was detected"):
         desk.absence(asked, wanted | {"outline": corners})
 
 
@@ -289,7 +289,7 @@ def test_silence_is_that_of_the_search_that_was_made(
     assert told["antenna"] == "RA-2A"
     hindsight(flight, silent, found=False)
     told = covered(flight, area, capsys)[silent]
-    assert "did not write down" in " ".join(told["limitations"])
+    assert "did not record" in " ".join(told["limitations"])
 
 
 def test_where_nothing_tells_that_a_detector_ran_silence_is_not_called_sure(
