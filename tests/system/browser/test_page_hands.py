@@ -504,7 +504,7 @@ def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(scene: Sc
         assert watched.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
     # A page that looks on changes nothing, and does not look as if it had.
     second.page.locator(".fly-tag").nth(0).click()
-    expect(second.page.locator(".toast").last).to_contain_text("take command first")
+    expect(second.page.locator(".toast").last).to_contain_text("Take command first")
     assert second.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
 
 

@@ -264,7 +264,7 @@ async def test_a_page_that_looks_on_stops_all_and_starts_none(
         await asyncio.gather(first.recv(), second.recv())
         refused = await asyncio.to_thread(to_all, station, "start", "two")
         assert [accepted for accepted, _ in refused.values()] == [False, False]
-        assert all("take command first" in text for _, text in refused.values())
+        assert all("Take command first" in text for _, text in refused.values())
         started = await asyncio.to_thread(to_all, station, "start", "one")
         assert [accepted for accepted, _ in started.values()] == [True, True]
         await asyncio.to_thread(both_are, station, "detecting")

@@ -97,7 +97,7 @@ def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Dron
 
         return wait_until(told)[0]
 
-    first = noise(1e-3, "cannot be judged yet")
+    first = noise(1e-3, "not known yet")
     assert (first["ok"], first["open"]) == (False, True)
     # The station's own flight has its directory: another of this second is named differently.
     until(served, lambda _: list(served.directory.glob("*/flight.sqlite")))
@@ -108,7 +108,7 @@ def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Dron
     # Of another vehicle nobody knows what is normal for this one.
     note = "INSERT INTO notes VALUES (1, ?)"
     sql(served.directory / past, note, values=[vehicle_note(7, "kite")])
-    noise(1e-3, "cannot be judged yet")
+    noise(1e-3, "not known yet")
 
 
 def test_a_bursts_inside_that_is_broken_or_of_no_burst_is_counted(

@@ -97,7 +97,7 @@ async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_cor
         assert "did not answer" in unanswered.json["message"]
         await page.until(lambda state: not state["drone"]["present"])
         unreachable = await press(page, CORRECT)
-        assert "not heard" in unreachable.json["message"]
+        assert "No contact" in unreachable.json["message"]
         for answer in (foreign, unanswered, unreachable):
             assert answer.status == 409
         assert listed_hz(page) == HERE_HZ

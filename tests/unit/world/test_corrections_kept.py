@@ -111,7 +111,7 @@ async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minut
         await asyncio.sleep(120.0)
         refused = await press(page, CORRECT)
         assert refused.status == 409
-        assert "not heard" in refused.json["message"]
+        assert "No contact" in refused.json["message"]
         assert "alone can be corrected after 5 min" in refused.json["message"]
         await asyncio.sleep(181.0)
         answer = await press(page, CORRECT)

@@ -200,7 +200,7 @@ async def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
             state = await page.until(lambda state: state["drone"]["others"] == [2])
             assert state["drone"]["system_id"] == 1
             assert not state["drone"]["present"]
-            assert "not heard" in state["actions"]["stop"]["reason"]
+            assert "No contact" in state["actions"]["stop"]["reason"]
             assert state["flight"]["pulses"] == 0
             world.radio_back()
             find(world)
