@@ -38,7 +38,7 @@ async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterw
         refused = await press(page, UNDO)
         assert (refused.status, listed_hz(page)) == (422, HERE_HZ), refused.body
         again = await press(page, CORRECT)
-        assert (again.status, again.json["message"]) == (409, "Wait: correcting tag 2")
+        assert (again.status, again.json["message"]) == (409, "Please wait: correcting tag 2")
         world.radio_back()
         words = "tag 2: 148.710640 MHz, was 148.710000 MHz"
         assert (await pressed).json == {"accepted": True, "message": words}
