@@ -139,7 +139,7 @@ def _sum_table(found: Measured) -> str:
             f"| reading from one store of {STORE / GB:g} GB/s | "
             f"**{read_bytes / STORE / HOUR_S:.1f} h** | the same |",
             f"| writing {pulses / 1e6:.0f} million pulses, {1e6 * WRITING_S:.0f} µs each, one "
-            f"process | {written} | {written}, beside the rest |",
+            f"process | {written} | {written}, in parallel |",
             f"| Dask's scheduler, about {1e3 * TASK_S:.0f} ms a task | {TASK_S * hours:.0f} s "
             "| |",
         ]

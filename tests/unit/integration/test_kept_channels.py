@@ -142,7 +142,7 @@ def test_what_kept_channels_tell_themselves_is_refused(
 ) -> None:
     assert uavrt("integrate", str(flown), "--sample-rate", "48000") == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "--sample-rate is of a --recording" in said
+    assert "--sample-rate applies to a --recording" in said
     assert "Leave --sample-rate out" in said
 
 
