@@ -47,7 +47,7 @@ async function press(name: string): Promise<void> {
   const button = by(`act-${name}`);
   const action = store.state?.actions[name];
   if (!action?.enabled) {
-    say(by("drone-note"), action?.reason ?? "Cancel");
+    say(by("drone-note"), action?.reason ?? "Not possible now");
     return;
   }
   if (FINAL[name] && !button.dataset.asking) {

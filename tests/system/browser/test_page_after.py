@@ -146,5 +146,5 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     for right, down in ((0.35, 0.4), (0.6, 0.4), (0.6, 0.7)):
         page.mouse.click(box["x"] + right * box["width"], box["y"] + down * box["height"])
         page.wait_for_timeout(350)
-    expect(absence).to_contain_text("tag 2 was heard")
+    expect(absence).to_contain_text("tag 2 was detected")
     assert not watched.errors

@@ -133,7 +133,7 @@ def test_flights_are_fetched_compared_and_exported(scene: Scene) -> None:
         expect(cells.first).to_have_text("72")
         watched.picture("compare")
         page.click("#compare-map")
-        expect(page.locator("#banner")).to_contain_text("dashed beside it")
+        expect(page.locator("#banner")).to_contain_text("dashed: flight of")
         page.wait_for_function(
             "() => window.uavrt.map().querySourceFeatures('other-fixes').length > 0",
             timeout=WAIT_MS,

@@ -93,7 +93,7 @@ class Flying:
         return {
             "standing": state.standing,
             "text": state.text,
-            "detected": heard,
+            "heard": heard,
             "way": [] if self._flown is None else _listed(self._flown.way),
             "offer": None
             if offered is None
