@@ -142,7 +142,7 @@ export async function act(name: string): Promise<void> {
   if (!button || !action) return;
   if (!(await mayCommand(name, () => openView("setup")))) return;
   if (!store.state?.actions[name]?.enabled && !(name === "send_tags" && action.reason?.startsWith("No tags"))) {
-    toast(action.reason ?? "Cancel", 5);
+    toast(action.reason ?? "Not possible now", 5);
     return;
   }
   const body = name === "mark" ? { text: prompt(translated("Remark (optional)")) ?? "" } : {};
