@@ -1239,8 +1239,9 @@ FORMATS = [
                "64 bits": b"RF64\xff\xff\xff\xffWAVEds64\x1c\0\0\0" + b"\xff" * 28,
            }, read=read_samples),
     *(Format(name=name, honest=NOISE, attacks=RAW_ATTACKS, read=read_samples,
-             mb_s=3.0)
-      for name in ("rec.cf32", "rec.cs16", "rec.cu8", "rec.ci8", "rec_148.7MHz_48ksps.cfile")),
+             mb_s=24.0 / sample_bytes)
+      for name, sample_bytes in (("rec.cf32", 8), ("rec.cs16", 4), ("rec.cu8", 2),
+                                 ("rec.ci8", 2), ("rec_148.7MHz_48ksps.cfile", 8))),
     Format(name="page.pem", honest=lambda path: put(path, certificate()[0]),
            attacks=pem_attacks(0), read=read_certificate),
     Format(name="page.key", honest=lambda path: put(path, certificate()[1]),

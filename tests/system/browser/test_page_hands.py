@@ -414,7 +414,7 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     interval.fill("1333")
     page.click("#tab-fly")
     page.click("#act-start")
-    expect(page.locator(".toast").last).to_contain_text("send the tags first")
+    expect(page.locator(".toast").last).to_contain_text("Send the tags first")
     expect(page.locator("#view-setup")).to_be_visible()
     assert drone.state == drone.state.HAS_TAGS
     assert watched.errors == []
