@@ -185,6 +185,7 @@ class GroundSession:
         """What beeps in the flight, as the drone has measured it last."""
         self.drone_directory = ""
         self._stopped_ns: int | None = None
+        self._resumed = False
         self._skew = ClockSkew()
         self._was_present = False
         self._contact_ns = clock.now_ns()
@@ -472,8 +473,10 @@ class GroundSession:
         if before is event.state:
             return
         self.note(6, f"drone is {event.state.words if event.state else 'in an unknown state'}")
-        # Also a flight that was taken up again, of which the drone has long stopped.
-        over = before in ESSENTIAL or (before is None and event.state is not None)
+        # The drone may have stopped before a resumed flight was; the states of before a start
+        # may come after its acknowledgement.
+        unseen = before is None and event.state is not None
+        over = before in ESSENTIAL or (unseen and self._resumed)
         if event.state in ESSENTIAL and self.flight.ended:
             self.begin_flight()
         elif event.state not in ESSENTIAL and not self.flight.ended and over:
@@ -503,6 +506,7 @@ class GroundSession:
         if not await self._disk.run(self.flight.resume, kept):
             return
         self.flight.load(columns)
+        self._resumed = True
         self.sent_tags, self.marks = summary.tags, list(places.marks)
         self._estimate_due = True
         self.note(6, f"flight {kept} goes on")
@@ -516,7 +520,7 @@ class GroundSession:
         for companion in self.companions:
             companion.estimate_soon()
         self._estimator = Estimator()
-        self._stopped_ns = None
+        self._stopped_ns, self._resumed = None, False
         self.heard.clear()
         self.marks = []
         self.drone_bearings.clear()

@@ -1,0 +1,37 @@
+"""States of the drone that arrive after the acknowledgement of a start."""
+
+from pathlib import Path
+
+from uavrt.clock import Clock
+from uavrt.ground.link.protocol import DroneHeartbeat
+from uavrt.ground.session import GroundSession
+from uavrt.ground.store.settings import GroundStore
+from uavrt.messages import SystemState
+
+
+def hear(session: GroundSession, *states: SystemState) -> None:
+    for state in states:
+        session._take(DroneHeartbeat(state=state, cpu_temperature_c=None))
+
+
+async def test_states_of_before_a_start_end_no_flight(tmp_path: Path) -> None:
+    session = GroundSession(GroundStore(tmp_path), Clock.start())
+    session.begin_flight()
+    begun = session.flight.flight_id
+    hear(session, SystemState.IDLE, SystemState.RECEIVING_TAGS, SystemState.HAS_TAGS)
+    assert not session.flight.ended
+    hear(session, SystemState.DETECTING)
+    assert session.flight.flight_id == begun
+    hear(session, SystemState.HAS_TAGS)
+    assert session.flight.ended
+
+
+async def test_a_resumed_flight_ends_by_the_first_state_of_an_idle_drone(
+    tmp_path: Path,
+) -> None:
+    GroundSession(GroundStore(tmp_path), Clock.start()).begin_flight()
+    session = GroundSession(GroundStore(tmp_path), Clock.start())
+    await session._resume()
+    assert not session.flight.ended
+    hear(session, SystemState.IDLE)
+    assert session.flight.ended
