@@ -58,6 +58,16 @@ class UavrtError(Exception):
         super().__init__(message if remedy is None else f"{message}{stop} {remedy}")
 
 
+def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
+    """Write the faults of a file, a line for each, below their number.
+
+    `number`: of all faults, where only some have a line.
+    """
+    number = len(faults) if number is None else number
+    count = "1 fault" if number == 1 else f"{number} faults"
+    return "\n  ".join((f"{source} has {count}:", *faults))
+
+
 class UsageError(UavrtError):
     """What the user wrote is wrong."""
 
@@ -72,10 +82,8 @@ class TagFileError(UsageError):
     def __init__(self, path: str, faults: Sequence[str]) -> None:
         self.path = path
         self.faults = tuple(faults)
-        lines = "\n".join(f"  {fault}" for fault in self.faults)
         super().__init__(
-            f"{path} has {len(self.faults)} fault(s):\n{lines}",
-            remedy="Correct these lines and try again",
+            listed_faults(path, self.faults), remedy="Correct these lines and try again"
         )
 
 

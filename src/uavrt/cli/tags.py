@@ -15,6 +15,7 @@ from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.cli.progress import progress_bar
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
+from uavrt.cli.words import counted
 from uavrt.clock import cpu_s, iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError
 from uavrt.foreign import TAGS, read_file
@@ -77,7 +78,7 @@ def check(
             )
     for warning in _likenesses(found):
         print(f"warning: {warning}")
-    print(f"{file}: {len(found)} tag(s), no fault")
+    print(f"{file}: {counted(len(found), 'tag')}, no fault")
 
 
 @tags.command(help_epilogue=examples("tags convert"))
@@ -102,9 +103,9 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     check_tag_file_name(target)
     write_tags(target, found)
     named = sum(tag.name is not None for tag in found)
-    print(f"{target}: {len(found)} tag(s) written")
+    print(f"{target}: {counted(len(found), 'tag')} written")
     if named and target.suffix.lower() != ".toml":
-        print(f"The names of {named} tag(s) are left out: TagInfo.txt has no place for them")
+        print(f"{counted(named, 'name')} left out: TagInfo.txt has no place for names")
     if known.operating_modes:
         print("Channel, operating mode and excluded stretches are left out: no place for them")
     _tell_unselected(source)
@@ -186,11 +187,11 @@ def correct(
         print(f"{replace(one, before=before)}{gain}")
     count = len({one.tag_id for one in corrections.values()})
     if output is None:
-        print(f"{count} tag(s) to correct; -o FILE writes the list")
+        print(f"{counted(count, 'tag')} to correct; -o FILE writes the list")
         return
     check_place(output, overwrite=overwrite)
     write_tags(output, tuple(corrected.values()))
-    print(f"{output}: {count} of {len(listed)} tag(s) corrected")
+    print(f"{output}: {count} of {counted(len(listed), 'tag')} corrected")
 
 
 def _read(path: Path) -> "TagSource":
@@ -345,7 +346,7 @@ def measure(
             print(format_tags_toml(entries), end="")
         else:
             write_tags(output, entries)
-            print(f"{output}: {len(entries)} tag(s) written", file=sys.stderr)
+            print(f"{output}: {counted(len(entries), 'tag')} written", file=sys.stderr)
     if faults:
         raise faults[0]
 

@@ -20,7 +20,7 @@ from uavrt.config.radios import RADIOS, RadioRow
 from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines, line_of
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, listed_faults
 from uavrt.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortened
 from uavrt.plugins import Registry
 
@@ -166,11 +166,7 @@ def write_default_settings(path: str | os.PathLike[str]) -> None:
 
 
 def _error(name: str, faults: list[str]) -> ConfigError:
-    listed = "\n".join(f"  {fault}" for fault in faults)
-    return ConfigError(
-        f"{name} has {len(faults)} fault(s):\n{listed}",
-        remedy="Correct these lines and try again",
-    )
+    return ConfigError(listed_faults(name, faults), remedy="Correct these lines and try again")
 
 
 def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:

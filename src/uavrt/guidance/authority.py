@@ -119,9 +119,9 @@ class Authority:
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
         if not sticks_unseen and not vehicle.sees_sticks(now_s, STICKS_AGE_S):
-            what = "the sticks are not seen: nobody could take over"
+            what = "the sticks are not seen, so a takeover by them would go unnoticed"
             if vehicle.sees_sticks(now_s, STICKS_LOST_S):
-                what = f"the sticks are told too seldom: not within {STICKS_AGE_S} s"
+                what = f"the sticks are reported too seldom: not every {STICKS_AGE_S} s"
             raise CommandRefused(
                 what, remedy="Switch the remote on, or confirm that sticks are not seen"
             )

@@ -104,7 +104,7 @@ class LandedSeen:
 
 @dataclass(frozen=True, slots=True)
 class FailsafeSeen:
-    """The autopilot tells of a failsafe."""
+    """The autopilot reports a failsafe."""
 
     time_s: float
     what: Literal["fence", "battery", "position estimate", "critical state"]

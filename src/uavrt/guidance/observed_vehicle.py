@@ -23,12 +23,12 @@ from uavrt.units import wrap_degrees_180
 MODE_AGE_S, POSITION_AGE_S = 1.0, 0.5
 """Older, and no command is sent."""
 STICKS_AGE_S = 0.3
-"""The same for sticks that are to be seen: they are told at 5 Hz or more."""
+"""The same for sticks that are to be seen: autopilots report them at 5 Hz or more."""
 MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
 HEARTBEAT_LOST_S = 5.0
-"""Older, and the order has ended. Only the heartbeat tells of disarming and failsafes."""
+"""Older, and the order has ended. Only the heartbeat reports disarming and failsafes."""
 FLYING_M = 2.0
-"""Above home: lower than this it stands on the ground, where the autopilot does not tell."""
+"""Above home: lower, it stands on the ground unless the autopilot reports otherwise."""
 LANDED_AGE_S = 3.0
 
 
@@ -112,7 +112,7 @@ class ObservedVehicle:
 
     @property
     def late(self) -> str | None:
-        """Says that what the vehicle tells is too old to command anything; else None."""
+        """Says that the vehicle's reports are too old to command anything; else None."""
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
@@ -139,7 +139,7 @@ class ObservedVehicle:
             return "the vehicle still takes off", "Ask again once it hovers"
         if self.failsafe is not None and now_s - self.failsafe.time_s <= MODE_LOST_S:
             what = self.failsafe.what
-            return f"the autopilot tells of a failsafe: {what}", "Land, and see to it"
+            return f"the autopilot reports a failsafe: {what}", "Land, and find its cause"
         return None
 
     def lost(self, now_s: float) -> str | None:
@@ -155,8 +155,8 @@ class ObservedVehicle:
     def on_ground(self, now_s: float) -> bool:
         """Whether it stands on the ground, by its own word or else by its height above home."""
         landed, position = self.landed, self.position
-        told = landed is not None and now_s - landed.time_s <= LANDED_AGE_S
-        if told and landed is not None and landed.on_ground is not None:
+        fresh = landed is not None and now_s - landed.time_s <= LANDED_AGE_S
+        if fresh and landed is not None and landed.on_ground is not None:
             return landed.on_ground
         return position is not None and position.altitude_relative_m < FLYING_M
 

@@ -35,7 +35,7 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """Whether it was in our own mode, by nobody's order."""
+    """Whether it was in our own mode, and flew no order."""
     target: TargetSeen | None
     """Where a vehicle that rests flew to: it could be another's now."""
     place: PositionSeen
@@ -151,8 +151,8 @@ def resting(
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
     """Whether a target that is the first one seen is not where the vehicle holds.
 
-    In Guided ArduPilot tells no target before it has one; where it holds, or comes to rest, is
-    nobody's order.
+    In Guided, ArduPilot reports no target before it has one; a target where it holds, or comes
+    to rest, belongs to no order.
     """
     if target is None or target.latitude_deg is None or place is None:
         return False

@@ -24,13 +24,13 @@ class Topic:
     record: type
     meaning: str
     newest: int | None = None
-    """So many of the newest are kept for a slow or restarting consumer, and the others counted.
-    None: all are, however long it takes."""
+    """Number of newest records kept for a slow or restarting consumer; older ones are dropped
+    and counted. None: all are kept."""
     every_s: float | None = None
     """Time between two records of one sender, once they flow; None: when something happens.
-    What comes at less than half the rate is told as too slow (`uavrt.supervisor.pace`)."""
+    Less than half the rate is reported as too slow (`uavrt.supervisor.pace`)."""
     each_tag: bool = False
-    """So often for each tag that the sender serves."""
+    """Whether `every_s` applies to each tag that the sender serves."""
 
 
 TOPICS: dict[str, Topic] = {

@@ -86,7 +86,7 @@ class Polygon:
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
             raise PlanError(
-                f"the {self.name} has {len(self.corners)} corner(s)",
+                f"the {self.name} is not an outline of finite corners",
                 remedy="Draw three or more, each with two finite numbers",
             )
         crossing = self._crossing()

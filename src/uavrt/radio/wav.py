@@ -106,7 +106,7 @@ def wav_layout(
         raise cannot_read(path, error) from error
     if header.channels != 2:
         raise FormatError(
-            f"{path} has {header.channels} channel(s), but I/Q needs two",
+            f"{path} is not I/Q, which has 2 channels: it has {header.channels}",
             remedy="Record I/Q, not demodulated audio",
         )
     sample_format = _FORMATS.get((header.kind, header.bits))

@@ -9,7 +9,7 @@ from typing import Any
 
 from uavrt.clock import iso_utc, parse_iso_utc
 from uavrt.config.tag_files import faults_of_tags
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, listed_faults
 from uavrt.foreign import SETTINGS, check_toml, read_file, shortened
 from uavrt.simulation.scenario import Scenario
 
@@ -61,9 +61,8 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     else:
         faults += scenario_faults(scenario)
     if faults:
-        lines = "\n".join(f"  {fault}" for fault in shortened(faults))
         raise ConfigError(
-            f"{source} has {len(faults)} fault(s):\n{lines}",
+            listed_faults(str(source), shortened(faults), len(faults)),
             remedy="Correct them; docs/reference/scenario.md lists every key",
         )
     return scenario

@@ -167,7 +167,7 @@ class ResourceReport:
         }
         minutes = [m.minute for m in self.moments]
         parts = [
-            cpu_table(f"CPU, per cent of a core, {self.tags} tag(s), here", minutes, here),
+            cpu_table(f"CPU, per cent of a core, {self.tags} tags, here", minutes, here),
             drawn(self.rows()),
             cpu_table("Thesis, Table 5.2: UDOO X86", thesis.MINUTES, thesis.UDOO_CPU),
             cpu_table("Thesis, Table 5.5: Dell T1700", thesis.MINUTES, thesis.DELL_CPU),

@@ -102,7 +102,7 @@ def test_a_drift_within_the_search_is_listed_from_the_newest_flight(
     write_tags(tags, [TAG])
     correct(tags, *flights)
     said = capsys.readouterr().out
-    assert said.startswith("tag 2: 148.710260 MHz, was 148.710000 MHz\n1 tag(s) to correct")
+    assert said.startswith("tag 2: 148.710260 MHz, was 148.710000 MHz\n1 tag to correct")
 
 
 def test_frequency_and_interval_of_one_tag_are_corrected_together(
@@ -128,7 +128,7 @@ def test_frequency_and_interval_of_one_tag_are_corrected_together(
     assert "tag 2: 148.710643 MHz, was 148.710000 MHz\n" in said
     assert "tag 2: 1260.1 ms" in said
     assert "was 1254.0 ms" in said
-    assert "2 of 2 tag(s) corrected" in said
+    assert "2 of 2 tags corrected" in said
     corrected = read_tags(better)[0]
     assert corrected.frequency_hz == 148_710_643.0
     assert corrected.pulse_intervals_s == pytest.approx((1.2601,))
@@ -196,4 +196,4 @@ def test_an_offset_of_all_tags_is_printed_and_no_frequency_is_corrected(
     said = capsys.readouterr().out
     assert "flight: the tags are +2.0 ppm off their labels" in said
     assert "lower frequency_correction_ppm by 2.0" in said
-    assert "0 tag(s) to correct" in said
+    assert "0 tags to correct" in said

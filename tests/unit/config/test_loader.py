@@ -73,7 +73,7 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
             name="uavrt.toml",
         )
     lines = caught.value.message.splitlines()
-    assert lines[0] == "uavrt.toml has 10 fault(s):"
+    assert lines[0] == "uavrt.toml has 10 faults:"
     assert [line.strip() for line in lines[1:]] == [
         "line 1: typo is unknown; known are " + ", ".join(settings_schema()["properties"]),
         "line 3: [radio] gian is unknown; did you mean gain?",
@@ -153,7 +153,7 @@ def test_guidance_that_no_order_could_be_flown_with_is_refused_at_the_start(
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_settings(f"[guidance]\n{text}\n".encode(), name="uavrt.toml")
-    assert caught.value.message.splitlines()[0] == "uavrt.toml has 1 fault(s):"
+    assert caught.value.message.splitlines()[0] == "uavrt.toml has 1 fault:"
     assert f"line {line}: [guidance] {said}" in caught.value.message
 
 
@@ -170,7 +170,7 @@ def test_guidance_that_fits_is_taken() -> None:
 def test_what_is_no_number_is_told_once() -> None:
     with pytest.raises(ConfigError, match="must be a number without quotes") as caught:
         parse_settings(b'[guidance]\nlowest_m = "200"\nplanner = 3\n', name="uavrt.toml")
-    assert "has 2 fault(s)" in caught.value.message
+    assert "has 2 faults" in caught.value.message
 
 
 def test_the_settings_know_the_planners_that_there_are() -> None:

@@ -51,7 +51,7 @@ def test_all_faults_are_listed_with_their_places() -> None:
         parse_scenario(text, source="world.toml")
     message = str(caught.value)
     for place in (
-        "world.toml has 6 fault(s)",
+        "world.toml has 6 faults",
         "duration_s:",
         "unknown:",
         "start_time:",

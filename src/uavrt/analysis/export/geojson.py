@@ -31,8 +31,8 @@ _OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambi
 _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
 
-Told = dict[str, Any]
-Shape = tuple[list[list[Point]], Told]
+Properties = dict[str, Any]
+Shape = tuple[list[list[Point]], Properties]
 """Parts of a point, line or area, cut at the 180° meridian, and its attributes."""
 
 
@@ -42,10 +42,10 @@ def geojson_text(survey: Survey) -> str:
         {
             "type": "Feature",
             "geometry": _geometry(kind, parts),
-            "properties": {"layer": name.format(**told), **told, "vehicle": survey.vehicle},
+            "properties": {"layer": name.format(**facts), **facts, "vehicle": survey.vehicle},
         }
         for name, _, kind, shapes in layers(survey)
-        for parts, told in shapes
+        for parts, facts in shapes
     ]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
@@ -55,20 +55,20 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
     rays: list[Shape] = []
     wedges: list[Shape] = []
-    for one, told in zip(survey.bearings, bearing_properties(survey), strict=True):
+    for one, facts in zip(survey.bearings, bearing_properties(survey), strict=True):
         found = survey.position_of(one.tag_id)
         length_m = ray_length_m(one, None if found is None else found.position)
-        rays.append((split_at_date_line(ray(one, length_m)), told))
+        rays.append((split_at_date_line(ray(one, length_m)), facts))
         area = wedge(one, length_m)
-        wedges += [] if area is None else [(split_area_at_date_line(area), told)]
+        wedges += [] if area is None else [(split_area_at_date_line(area), facts)]
     places, circles, outlines = position_properties(survey), list[Shape](), list[Shape]()
-    for _, told in places:
-        found = survey.position_of(told["tag_id"])
+    for _, facts in places:
+        found = survey.position_of(facts["tag_id"])
         area = None if found is None or found.position is None else region95(found.position)
-        circles += [] if area is None else [(split_area_at_date_line(area), told)]
+        circles += [] if area is None else [(split_area_at_date_line(area), facts)]
         for share in REGION_SHARES:
             if lines := region_lines(found, share):
-                outlines.append((lines, {"share": share, **told}))
+                outlines.append((lines, {"share": share, **facts}))
     yield "pulse", "pulses", "POINT", _points(pulse_properties(survey))
     if len(track) > 1:
         times = [iso_utc(survey.track[which].time_ns) for which in (0, -1)]
@@ -89,17 +89,17 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     yield "strongest signal", "strongest_signal", "POINT", _points(loudest)
 
 
-def _points(found: list[tuple[Point, Told]]) -> list[Shape]:
-    return [([[place]], told) for place, told in found]
+def _points(found: list[tuple[Point, Properties]]) -> list[Shape]:
+    return [([[place]], facts) for place, facts in found]
 
 
 def _ways(survey: Survey) -> list[Shape]:
     """The paths of tags that moved."""
     ways = [(way_of(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
-    return [(split_at_date_line(way), told) for way, told in ways if len(way) > 1]
+    return [(split_at_date_line(way), facts) for way, facts in ways if len(way) > 1]
 
 
-def _geometry(kind: str, parts: list[list[Point]]) -> Told:
+def _geometry(kind: str, parts: list[list[Point]]) -> Properties:
     """Coordinates of a shape; several parts are one of the kinds that hold several."""
     rounded = [[[round(each, _PLACES) for each in point] for point in part] for part in parts]
     if kind == "POINT":
@@ -111,14 +111,14 @@ def _geometry(kind: str, parts: list[list[Point]]) -> Told:
     return {"type": f"Multi{name}", "coordinates": several}
 
 
-def pulse_properties(survey: Survey) -> list[tuple[Point, Told]]:
+def pulse_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     """Place and attributes of each pulse that has a place."""
     found = []
     for one in survey.every_pulse:
         if one.pose is None:
             continue
         place = (one.pose.longitude_deg, one.pose.latitude_deg)
-        properties = {
+        facts = {
             "tag_id": one.pulse.tag_id,
             "time": iso_utc(one.pulse.start_time_ns),
             "snr_db": known(one.pulse.snr_db),
@@ -126,23 +126,23 @@ def pulse_properties(survey: Survey) -> list[tuple[Point, Told]]:
             "detection_status": one.pulse.detection_status,
             "altitude_amsl_m": known(one.pose.altitude_amsl_m),
         }
-        found.append((place, properties))
+        found.append((place, facts))
     return found
 
 
-def bearing_properties(survey: Survey) -> list[Told]:
+def bearing_properties(survey: Survey) -> list[Properties]:
     """Attributes of each bearing, in the survey's order."""
     found = []
     for one in survey.bearings:
         record = bearing_record(one)
         low, high = record["interval90_deg"] or (None, None)
         arc = {"interval90_from_deg": low, "interval90_to_deg": high}
-        properties = {"tag_id": one.tag_id, "time": iso_utc(one.start_time_ns), **arc}
-        found.append(properties | {name: record[name] for name in _OF_BEARING})
+        facts = {"tag_id": one.tag_id, "time": iso_utc(one.start_time_ns), **arc}
+        found.append(facts | {name: record[name] for name in _OF_BEARING})
     return found
 
 
-def position_properties(survey: Survey) -> list[tuple[Point, Told]]:
+def position_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     """Place and attributes of each position."""
     found = []
     for one in survey.positions:
@@ -151,7 +151,7 @@ def position_properties(survey: Survey) -> list[tuple[Point, Told]]:
         position, record = one.position, position_record(one)
         tag = survey.tag(one.tag_id)
         time_ns = survey.position_time_ns(one.tag_id)
-        properties = {
+        facts = {
             "tag_id": one.tag_id,
             "time": None if time_ns is None else iso_utc(time_ns),
             "name": None if tag is None else tag.name,
@@ -159,7 +159,7 @@ def position_properties(survey: Survey) -> list[tuple[Point, Told]]:
             "may_be_farther_out": position.at_edge,
             **cautions_of(position),
         }
-        found.append(((position.longitude_deg, position.latitude_deg), properties))
+        found.append(((position.longitude_deg, position.latitude_deg), facts))
     return found
 
 
@@ -171,7 +171,7 @@ def cautions_of(position: Position) -> dict[str, str]:
     }
 
 
-def mark_properties(survey: Survey) -> list[tuple[Point, Told]]:
+def mark_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     """Place and attributes of each mark."""
     return [
         (
@@ -182,7 +182,7 @@ def mark_properties(survey: Survey) -> list[tuple[Point, Told]]:
     ]
 
 
-def way_properties(survey: Survey) -> list[tuple[Point, Told]]:
+def way_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     """Place and attributes of each time of the way of each tag that moved."""
     return [
         (
@@ -200,7 +200,7 @@ def way_properties(survey: Survey) -> list[tuple[Point, Told]]:
     ]
 
 
-def strongest_properties(signal: TagSignal) -> list[tuple[Point, Told]]:
+def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
     """Place and attributes of a tag's strongest signal: of all heights, then of each layer."""
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
@@ -220,7 +220,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[Point, Told]]:
     ]
 
 
-def integrated_places(survey: Survey) -> list[tuple[Point, Told]]:
+def integrated_places(survey: Survey) -> list[tuple[Point, Properties]]:
     """Where whole flights place tags; both places beside a straight way."""
     return [
         (
@@ -237,7 +237,7 @@ def integrated_places(survey: Survey) -> list[tuple[Point, Told]]:
     ]
 
 
-def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Told]]:
+def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properties]]:
     """Rings of the regions with 50 and 95 % of whole flights, cut at the 180° meridian."""
     regions = []
     for verdict in survey.verdicts:
@@ -247,8 +247,8 @@ def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Told]]:
                 for ring in region
                 for part in split_area_at_date_line(_counter_clockwise(ring))
             ]
-            told = {"share": share, "tag_id": verdict.tag_id, "places": verdict.places}
-            regions += [(areas, told)] if areas else []
+            facts = {"share": share, "tag_id": verdict.tag_id, "places": verdict.places}
+            regions += [(areas, facts)] if areas else []
     return regions
 
 
