@@ -130,6 +130,9 @@ class LossFinder:
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
+        self._newest_at_s = 0.0
+        self._late_from_s: float | None = None
+        """Where the late arrivals begin that go on up to the newest; None: it is not late."""
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
@@ -152,10 +155,15 @@ class LossFinder:
         `arrived_s`: when that was, on a clock [s].
         `late_s`: how much later than the envelope.
         """
+        since_s, self._newest_at_s = self._newest_at_s, at_s
         if self._from is None:
             self._from = (at_s, arrived_s)
             self._began_s = at_s
             return None
+        if not self._is_late(late_s):
+            self._late_from_s = None
+        elif self._late_from_s is None:
+            self._late_from_s = since_s
         self._least_delay_s = min(self._least_delay_s, arrived_s - at_s + self._found_s)
         single = self._lowest_s == math.inf
         self._lowest_s = min(self._lowest_s, late_s)
@@ -207,6 +215,9 @@ class LossFinder:
         """Note that nominal seconds have been left out."""
         if self._from is not None:
             self._from = (self._from[0] + seconds, self._from[1])
+        self._newest_at_s += seconds
+        if self._late_from_s is not None:
+            self._late_from_s += seconds
         if self.question_s is not None:
             self.question_s += seconds
 
@@ -273,17 +284,26 @@ class LossFinder:
 
     def _ask(self, cell: _Cell) -> None:
         """Open or close the question whether a loss lies before the late cells."""
-        if cell.late_s <= max(_QUESTION_S, 5.0 * self.jitter_s):
+        if not self._is_late(cell.late_s):
             self.question_s = None
         elif self.question_s is None:
-            self.question_s = cell.begin_s
+            self.question_s = cell.begin_s if self._late_from_s is None else self._late_from_s
         elif cell.end_s - self.question_s > _QUESTION_ENDS_S:
             self.question_s = math.inf
+
+    def _is_late(self, late_s: float) -> bool:
+        """Whether something so late may be the first after a loss."""
+        return late_s > max(_QUESTION_S, 5.0 * self.jitter_s)
 
     @property
     def asking(self) -> bool:
         """Whether the next few arrivals will tell if there was a loss."""
         return self.question_s is not None and self.question_s < math.inf
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether the next arrivals of an unfinished cell may begin such a question."""
+        return self.question_s is None and self._late_from_s is not None
 
     def _judge(self) -> Loss | None:
         """Weigh all stretches of cells up to the newest."""
@@ -402,7 +422,7 @@ class LossFinder:
         for cell in self._cells:
             if cell.begin_s >= loss.since_s:
                 cell.late_s -= loss.duration_s
-        self.question_s = None
+        self.question_s = self._late_from_s = None
         self._loss_at_s = now_s
         self.expect(now_s)
 

@@ -142,7 +142,7 @@ class Placer:
         if self._keeper.asking and self._burst is not None:
             burst, self._burst = self._burst, None
             self._learn(burst, False)
-        return not self._keeper.asking
+        return not (self._keeper.asking or self._keeper.may_ask)
 
     @property
     def to_give_first(self) -> int:

@@ -196,6 +196,11 @@ class TimeKeeper:
         return self._follow and self._finder.asking
 
     @property
+    def may_ask(self) -> bool:
+        """Whether the newest arrivals are late, and too few yet to ask."""
+        return self._follow and self._finder.may_ask
+
+    @property
     def question_index(self) -> int:
         """Index before which a loss may lie, while `asking`."""
         return round((self._finder.question_s or 0.0) * self._nominal_hz)

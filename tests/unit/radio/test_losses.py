@@ -156,3 +156,24 @@ def test_what_a_radio_tells_later_is_not_counted_twice() -> None:
         placer.place(np.zeros(transfer.count, np.complex64))
     assert told
     assert placer.lost == pytest.approx(stream.lost, abs=0.003 * 3e6)
+
+
+@pytest.mark.parametrize("transfer_s", [0.005, 0.0082])
+def test_a_gap_lies_within_two_writes_of_where_samples_are_missing(transfer_s: float) -> None:
+    """Wherever a block would have ended; losses less than 0.1 s apart may be one gap."""
+    off_s, losses = [], 0
+    for seed in range(12):
+        delivery = replace(USB, transfer_s=transfer_s, stall_share=0.0, loss_share=0.02)
+        stream = DeliveredStream(
+            replace(delivery, loss_s=0.2), 30.0, np.random.default_rng(seed)
+        )
+        losses += len(stream.losses)
+        came = 0
+        for block in place(stream):
+            if block.lost_before:
+                off = np.min(np.abs(came - stream.losses))
+                off_s.append(float(off) / delivery.sample_rate_hz)
+            came += len(block.samples)
+    assert len(off_s) >= 0.9 * losses
+    assert np.quantile(off_s, 0.9) <= transfer_s + 0.001
+    assert np.quantile(off_s, 0.98) <= 2.0 * transfer_s
