@@ -116,16 +116,16 @@ class Started:
             '[mavlink]\naddress = ""\n[recording]\ndirectory = "flights"\n'
             '[radio]\nprogram = ["sleep", "100"]\n'
         )
-        self._told = directory / "told"
+        self._output = directory / "output"
         self._feeder: subprocess.Popen[bytes] | None = None
         endless = program in ENDLESS_INPUT
-        with self._told.open("w") as told:
+        with self._output.open("w") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "uavrt.cli", *program(directory)],
+                [sys.executable, "-X", "faulthandler", "-m", "uavrt.cli", *program(directory)],
                 cwd=directory,
                 stdin=subprocess.PIPE if endless else subprocess.DEVNULL,
-                stdout=told,
-                stderr=told,
+                stdout=output,
+                stderr=output,
                 start_new_session=True,
             )
         if endless:
@@ -157,12 +157,16 @@ class Started:
             self._process.send_signal(number)
 
     def end(self) -> tuple[int, str]:
-        """Get the exit code, and what it has said."""
+        """Get the exit code and the output; a program that does not end shows its stacks."""
         try:
             status = self._process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._process.send_signal(signal.SIGABRT)
+            self._process.wait(PATIENCE_S)
+            pytest.fail(f"it did not end: {self._output.read_text()}")
         finally:
             self.close()
-        return status, self._told.read_text()
+        return status, self._output.read_text()
 
     def close(self) -> None:
         """Leave nothing running."""
