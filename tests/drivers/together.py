@@ -15,7 +15,7 @@ from uavrt.guidance.company import Company
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.seeker import Choice
 from uavrt.messages import Course, Neighbour
-from uavrt.simulation.flying import Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.tunnel.neighbours import (
     decode_course,
     decode_neighbour,
@@ -39,8 +39,8 @@ class Among(Searched):
     def __post_init__(self) -> None:
         super().__post_init__()
         vehicle = self.flown.vehicle
-        vehicle.north_m, vehicle.east_m = self.start_m
-        vehicle.height_m = self.height_m
+        vehicle.body.north_m, vehicle.body.east_m = self.start_m
+        vehicle.body.height_m = self.height_m
         self.flown.run(1.2)
         self.company = Company(1000 * self.number)
         self.not_given = 0
@@ -223,7 +223,9 @@ class Together:
                 apart = math.dist(one.place_m, two.place_m)
                 if a.searching and b.searching and not (a.homeward or b.homeward):
                     self.apart_m = min(self.apart_m, apart)
-                at_home = any(math.hypot(*vehicle.place_m) < HOME_M for vehicle in (one, two))
+                at_home = any(
+                    math.hypot(*vehicle.body.place_m) < HOME_M for vehicle in (one, two)
+                )
                 if (a.homeward or b.homeward) and not at_home and apart < 25.0:
                     off = abs(one.height_m - two.height_m)
                     self.heights_apart_m = min(self.heights_apart_m, off)

@@ -28,7 +28,8 @@ from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
-from uavrt.guidance.seeker import TAG_HEIGHT_M, Choice, Equipment, Seeker
+from uavrt.guidance.search_task import TAG_HEIGHT_M, Equipment
+from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.heap import heap_of_short_arrays
 from uavrt.ipc.process import ProcessFrame
 from uavrt.localization.antenna import MONOPOLE, pattern_named

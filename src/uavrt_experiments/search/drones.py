@@ -20,7 +20,8 @@ from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.neighbours import SEPARATION
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
-from uavrt.guidance.seeker import Choice, Equipment, Seeker
+from uavrt.guidance.search_task import Equipment
+from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.wishes import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
@@ -37,7 +38,8 @@ from uavrt.messages import (
 from uavrt.planning.vehicle import VehicleState
 from uavrt.processes.guide import ASKING_S, COURSE_S
 from uavrt.processes.thinker import Thinker
-from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES, FlyingVehicle
 from uavrt.simulation.geometry import TangentPlane
 from uavrt.units import ns_from_s, wrap_degrees_360
 from uavrt_experiments.search.bounds import LeastErrors
@@ -123,10 +125,10 @@ class Direct:
             time_s=self.time_s,
             latitude_deg=latitude,
             longitude_deg=longitude,
-            altitude_amsl_m=plane.altitude_amsl_m + vehicle.shown_height_m,
-            altitude_relative_m=vehicle.shown_height_m,
-            speed_m_s=math.hypot(*vehicle.velocity_m_s[:2]),
-            yaw_deg=vehicle.yaw_deg,
+            altitude_amsl_m=plane.altitude_amsl_m + vehicle.body.shown_height_m,
+            altitude_relative_m=vehicle.body.shown_height_m,
+            speed_m_s=math.hypot(*vehicle.body.velocity_m_s[:2]),
+            yaw_deg=vehicle.heading.yaw_deg,
             home=(plane.latitude_deg, plane.longitude_deg),
             battery_percent=100.0,
             order_id=None if self.pilot is None else self.pilot.order.order_id,
@@ -142,7 +144,7 @@ class Direct:
         """See `Aircraft`."""
         self.time_s += STEP_S
         self.vehicle.advance(STEP_S)
-        self._turned_deg += abs(self.vehicle.yaw_rate_deg_s) * STEP_S
+        self._turned_deg += abs(self.vehicle.heading.rate_deg_s) * STEP_S
         wish = None if self.pilot is None else self.pilot.next(self.now())
         if wish is not None:
             self._sent, self._turned_deg = self._sent + 1, 0.0
@@ -253,13 +255,13 @@ class Drone:
     def state(self) -> VehicleState:
         """Where it is."""
         vehicle = self.aircraft.vehicle
-        north, east = vehicle.place_m
+        north, east = vehicle.body.place_m
         return VehicleState(
             time_s=self.aircraft.time_s,
             east_m=east,
             north_m=north,
-            height_m=vehicle.shown_height_m,
-            yaw_deg=vehicle.yaw_deg,
+            height_m=vehicle.body.shown_height_m,
+            yaw_deg=vehicle.heading.yaw_deg,
         )
 
     @property
@@ -293,9 +295,9 @@ class Drone:
                 time_ns=time_ns,
                 latitude_deg=latitude,
                 longitude_deg=longitude,
-                altitude_amsl_m=vehicle.plane.altitude_amsl_m + vehicle.shown_height_m,
-                altitude_relative_m=vehicle.shown_height_m,
-                quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
+                altitude_amsl_m=vehicle.plane.altitude_amsl_m + vehicle.body.shown_height_m,
+                altitude_relative_m=vehicle.body.shown_height_m,
+                quaternion_wxyz=from_euler_deg(vehicle.heading.yaw_deg, 0.0, 0.0),
             )
             self._thinker.pulse(PulsePose(pulse=_pulse(tag, time_ns, snr_db), pose=pose))
         self._thinker.searched(
