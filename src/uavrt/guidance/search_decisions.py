@@ -5,14 +5,14 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from uavrt.guidance.neighbours import MISSING_S, SEPARATION, beside_of, nearest_m
+from uavrt.guidance.neighbours import MISSING_S, SEPARATION, nearest_m, other_drones_of
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.plans import too_windy
 from uavrt.guidance.search_task import CYCLE_S, SearchTask
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.messages import FoundTag, Neighbour
 from uavrt.planning.actions import Action, FlyTo, Hold, Return
-from uavrt.planning.beside import Beside
+from uavrt.planning.other_drones import OtherDrones
 from uavrt.planning.search import Found, Search
 from uavrt.planning.situation import Decision
 from uavrt.planning.vehicle import VehicleState
@@ -79,9 +79,9 @@ class SearchDecisions:
     ) -> Decision:
         """Decide what to fly from a state; a way that must not be flown becomes a stay."""
         task, search = self._task, self._search
-        beside = None
+        drones = None
         if others:
-            beside, self.held = beside_of(
+            drones, self.held = other_drones_of(
                 others,
                 state,
                 task.plane,
@@ -97,10 +97,10 @@ class SearchDecisions:
             return Decision(action=Return(), reason=windy)
         if now.energy is not None:
             search.know_energy(now.energy)
-        decision = search.decide(state, wind=now.wind, battery=task.battery(now), beside=beside)
+        decision = search.decide(state, wind=now.wind, battery=task.battery(now), others=drones)
         reason = self._entered(decision.action, state, now)
-        if reason is None and beside is not None:
-            reason = _meets(decision.action, state, beside)
+        if reason is None and drones is not None:
+            reason = _meets(decision.action, state, drones)
         if reason is None:
             return decision
         return Decision(action=Hold(duration_s=CYCLE_S), reason=f"{decision.action} {reason}")
@@ -131,12 +131,12 @@ class SearchDecisions:
         return f"fly {hypot(east, north):.0f} m {point}"
 
 
-def _meets(action: Action, state: VehicleState, beside: Beside) -> str | None:
+def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
     """How an action leads too near to another drone's way, whoever has planned it."""
     goal = goal_of(action)
     if goal is None:
         return None
-    near = nearest_m(beside, [(state.east_m, state.north_m), goal])
+    near = nearest_m(drones, [(state.east_m, state.north_m), goal])
     if near >= SEPARATION.distance_m:
         return None
     return f"comes within {near:.0f} m of another drone's way"

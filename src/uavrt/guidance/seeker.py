@@ -100,8 +100,6 @@ class Seeker:
         self._latest_s: dict[int, float] = {}
         self._course = self._course_before = _Course()
 
-    # ------------------------------------------------------------------ the beginning
-
     def check(self, now: VehicleNow) -> None:
         """Refuse a search that cannot begin where the drone is; raises `PlanError`."""
         task, here = self._task, ((now.latitude_deg, now.longitude_deg),)
@@ -145,8 +143,6 @@ class Seeker:
             way=(stay.place, stay.place),
         )
 
-    # ------------------------------------------------------------------ what it receives
-
     def place(self, time_ns: int, now: VehicleNow) -> None:
         """Take where the drone is."""
         if self._begun_ns is None:
@@ -185,8 +181,6 @@ class Seeker:
         tag_id = evidence.tag_id
         self._latest_s[tag_id] = max(self._latest_s.get(tag_id, 0.0), evidence.time_s)
         self._search.listen(tag_id, self._latest_s[tag_id], evidence.listening)
-
-    # ------------------------------------------------------------------ what it decides
 
     def think(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()

@@ -5,17 +5,19 @@ tunnel payloads into commands and the supervisor's replies into acknowledgements
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.commands import SystemState
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, LinkError
 from uavrt.ipc.link import SupervisorGone
 from uavrt.ipc.process import ProcessFrame
+from uavrt.log import get_logger
 from uavrt.mavlink.address import Address, parse_address
 from uavrt.mavlink.component import Handlers
 from uavrt.mavlink.connection import Connection
@@ -29,11 +31,9 @@ from uavrt.mavlink.pacing import Priority
 from uavrt.mavlink.signing import Signing, signing_from
 from uavrt.mavlink.vehicle_messages import WATCHED_HZ
 from uavrt.messages import STATION_COUNTER, Command, StatusText
-from uavrt.processes.ground_payloads import GroundPayloads
+from uavrt.processes.connection_inbox import ConnectionInbox
 from uavrt.processes.ground_stations import GroundStations
 from uavrt.processes.ground_status import GroundStatus
-from uavrt.processes.hub_records import HubRecords
-from uavrt.processes.link_watch import LinkWatch
 from uavrt.processes.motion_control import Outlets
 from uavrt.processes.motion_desk import MotionDesk
 from uavrt.processes.parameter_desk import ParameterDesk
@@ -46,7 +46,63 @@ from uavrt.tunnel.gate import Gate
 from uavrt.tunnel.wire import PAYLOAD_TYPE
 from uavrt.units import NANOSECONDS_PER_SECOND
 
+log = get_logger()
+
 TICK_S = 0.05
+LINK_RETRY_S = 3.0
+PEERS = ("autopilot", "ground station")
+
+
+class LinkWatch:
+    """Serves the links at `addresses`, by number; the autopilot's is number 0."""
+
+    def __init__(self, link: Connection, addresses: Mapping[int, str]) -> None:
+        self._link, self._addresses = link, addresses
+        self._faults: dict[int, str] = {}
+        self._heard = (False, False)
+        self._stations: frozenset[tuple[int, int]] = frozenset()
+        """Ground stations that were present last."""
+
+    def tasks(self) -> list[Coroutine[Any, Any, None]]:
+        """Get what serves the links until it is cancelled."""
+        served = [self._serve(number, address) for number, address in self._addresses.items()]
+        return [*served, self._link.keep_time()] if served else []
+
+    async def _serve(self, number: int, address: str) -> None:
+        """Open a link, again and again if need be: a missing adapter may be plugged in."""
+        while True:
+            try:
+                await self._link.serve(number, address)
+            except (LinkError, ConfigError) as error:
+                fault = str(error)
+                if fault != self._faults.get(number):
+                    log.warning("link fault", reason=fault)
+                self._faults[number] = fault
+            await asyncio.sleep(LINK_RETRY_S)
+
+    @property
+    def linked(self) -> bool:
+        """Whether there is any link."""
+        return bool(self._addresses)
+
+    @property
+    def failed(self) -> bool:
+        """Whether the autopilot's link could not be opened."""
+        return 0 in self._addresses and self._link.link is None and 0 in self._faults
+
+    def newcomer(self) -> bool:
+        """Whether a ground station has appeared since the last call."""
+        before, self._stations = self._stations, frozenset(self._link.stations_silent_s())
+        return not self._stations <= before
+
+    def log_presence(self) -> None:
+        """Log it when the autopilot or the ground appears or falls silent."""
+        heard = (self._link.autopilot_present, self._link.station_present)
+        for name, before, now in zip(PEERS, self._heard, heard, strict=True):
+            if before != now:
+                event = f"{name} heard" if now else f"{name} lost"
+                log.info(event, **self._link.peers())
+        self._heard = heard
 
 
 class ConnectionProcess:
@@ -97,15 +153,11 @@ class ConnectionProcess:
         self._files = FileServer(tree, self._link.tunnel.wake, self._disk)
         for number in range(1 + len(mavlink.direct_links)):
             self._link.tunnel.add_source_on(number, self._files.on(number), Priority.FILE)
-        self._payloads = GroundPayloads(
-            *(self._link, stations, exchange, self._pulses, parameters, self._motion),
-            ask=self._ask,
-        )
-        self._records = HubRecords(
+        self._inbox = ConnectionInbox(
             *(self._link, stations, exchange, self._pulses, self._poses, self._status),
             *(parameters, self._motion),
+            ask=self._ask,
             text=self._send_text,
-            now_ns=now_ns,
             linked=self._links.linked,
         )
 
@@ -117,11 +169,11 @@ class ConnectionProcess:
                 autopilot_found=self._autopilot_found,
                 attitude=self._poses.attitude,
                 position=self._poses.position,
-                tunnel=lambda *payload: self._payloads.receive(PAYLOAD_TYPE, *payload),
-                private=lambda *payload: self._payloads.receive(*payload),
+                tunnel=lambda *payload: self._inbox.payload(PAYLOAD_TYPE, *payload),
+                private=lambda *payload: self._inbox.payload(*payload),
                 ftp=self._ftp,
                 radio_status=self._radio_status,
-                parameters=lambda *message: self._payloads.parameter_request(*message),
+                parameters=lambda *message: self._inbox.parameter_request(*message),
             ),
             self._frame.clock.now_ns,
             links=1 + len(mavlink.direct_links),
@@ -181,7 +233,7 @@ class ConnectionProcess:
     def _take_records(self) -> None:
         try:
             for topic, record in self._frame.receive():
-                self._records.receive(topic, record)
+                self._inbox.record(topic, record)
         except SupervisorGone:
             self._frame.stop()
 
@@ -196,7 +248,7 @@ class ConnectionProcess:
             if times is not None:
                 self._disk(partial(self._signing_memory.write, times), lambda _done: None)
         if self._motion is not None:
-            self._motion.tick(self._payloads.stations.silent_s())
+            self._motion.tick(self._inbox.stations.silent_s())
         if self._links.linked:
             self._report_to_ground(now_ns)
         self._link.tunnel.wake()
@@ -207,17 +259,17 @@ class ConnectionProcess:
         )
 
     def _report_to_ground(self, now_ns: int) -> None:
-        self._payloads.stations.announce_session(now_ns)
+        self._inbox.stations.announce_session(now_ns)
         own_pose = self._poses.due(now_ns)
         if own_pose is not None:
             self._link.component.tell_pose(own_pose, now_ns)
-        state = self._records.state
-        if state is SystemState.HAS_TAGS and self._pulses.unsent:
-            state = SystemState.DETECTING  # as long as a pulse has not gone out
-        if state is not None:
-            self._status.tick(state, now_ns)
-        newcomer = self._links.newcomer()
-        self._status.faults(self._records.processes, now_ns, newcomer=newcomer)
+        system, newcomer = self._inbox.system, self._links.newcomer()
+        if system is not None:
+            # As long as a pulse has not gone out, it is detecting.
+            busy = system.state is SystemState.HAS_TAGS and self._pulses.unsent
+            self._status.tick(SystemState.DETECTING if busy else system.state, now_ns)
+        processes = () if system is None else system.processes
+        self._status.faults(processes, now_ns, newcomer=newcomer)
         self._links.log_presence()
 
     def _status_text(self) -> str:
@@ -260,8 +312,9 @@ class ConnectionProcess:
         self._link.tunnel.rate_of(self._link.heard_on).radio_status(status.txbuf, now_ns)
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
-        stations = self._payloads.stations
-        detecting = self._records.state is SystemState.DETECTING
+        stations = self._inbox.stations
+        system = self._inbox.system
+        detecting = system is not None and system.state is SystemState.DETECTING
         if not stations.admits_file_request(peer, detecting=detecting):
             return
         trip_s = self._files.receive(payload, peer, self._frame.clock.now_ns())
@@ -272,7 +325,7 @@ class ConnectionProcess:
         stations = self._link.stations_silent_s()
         return {
             **self._poses.counters(),
-            **self._payloads.counters(),
+            **self._inbox.counters(),
             **self._pulses.counters(),
             **self._files.counters(),
             "texts_left_out": self._status.texts_left_out,

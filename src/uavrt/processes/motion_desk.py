@@ -91,7 +91,7 @@ class MotionDesk:
         if wish.order_id is None:
             if wish.ends:
                 self.control.end("the guide has restarted", now_s)
-                self._fence.tell_again()
+                self._fence.repeat()
         elif wish.order_id == authority.order_id:
             authority.planner_alive(now_s)
             if self._take_back.under_way:

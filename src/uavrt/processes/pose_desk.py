@@ -116,8 +116,6 @@ class PoseDesk:
         else:
             log.info("autopilot's clock known", **counters())
 
-    # ---------------------------------------------------------------- samples
-
     def attitude(self, sample: AttitudeSample) -> None:
         """Take an attitude, timed by our clock."""
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
@@ -138,8 +136,6 @@ class PoseDesk:
         if len(self._poses) * self._period_ns >= RECORD_NS:
             self._record(Poses(poses=tuple(self._poses)))
             self._poses.clear()
-
-    # ----------------------------------------------------------------- pulses
 
     @property
     def pulses_waiting(self) -> int:
@@ -170,8 +166,6 @@ class PoseDesk:
             return pose
         self._on_stale_clock += 1
         return replace(pose, extrapolated=True)
-
-    # -------------------------------------------------------------- own pose
 
     def missing(self) -> str | None:
         """Get what a station's own pose lacks; report it when that changes."""

@@ -9,7 +9,7 @@ from uavrt.ipc.process import ProcessFrame
 from uavrt.log import get_logger
 from uavrt.mavlink.connection import Connection
 from uavrt.mavlink.pacing import Priority
-from uavrt.messages import Delivered, FlightInfo, Pulse, PulsePose, Recorded
+from uavrt.messages import Delivered, FlightInfo, Pulse, PulsePose, Recorded, SearchReport
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.heard_tags import HeardTags
 from uavrt.processes.named_values import NamedValues
@@ -81,6 +81,10 @@ class PulsePath:
         self._status.detector_alive(pulse.tag_id, self._frame.clock.now_ns())
         self._poses.add(pulse)
 
+    def searched(self, report: SearchReport) -> None:
+        """Report what a detector has searched."""
+        self._status.search_report(report, self._frame.clock.now_ns())
+
     def tick(self, now_ns: int) -> None:
         """Pass on the pulses whose pose is known; repeat what was not acknowledged."""
         self.pass_on(self._poses.ready())
@@ -123,7 +127,7 @@ class PulsePath:
         self._named_values.heard(pulse, now_ns)
         text = self._heard_tags.text(pulse)
         if text is not None and self._status.tag_text(text, now_ns):
-            self._heard_tags.told(pulse.tag_id)
+            self._heard_tags.reported(pulse.tag_id)
 
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
         """Handle a ground station's receipt."""

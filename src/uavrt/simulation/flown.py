@@ -112,7 +112,7 @@ class Flown:
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Write one message; None where there is nothing to tell."""
+        """Write one message; None where there is nothing to report."""
         match message_id:
             case dialect.GlobalPositionInt.ID:
                 return position_message(self.vehicle, boot_ms)

@@ -124,8 +124,6 @@ class FlyingVehicle:
         """Where it is [deg]."""
         return self.plane.to_geodetic(*self.body.place_m)
 
-    # ------------------------------------------------------------------- what it obeys
-
     def set_mode(self, mode: int) -> None:
         """Change the mode, as a switch on the remote control does."""
         if mode == self.mode:
@@ -194,7 +192,7 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _take_off(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """PX4 takes it disarmed, too, and climbs once somebody arms; ArduPilot does not."""
+        """PX4 takes it disarmed, too, and climbs once armed; ArduPilot does not."""
         z = message.z if isinstance(message, dialect.CommandInt) else message.param7
         px4 = self.flavour == "px4"
         landed = self.ground.landed
@@ -278,8 +276,6 @@ class FlyingVehicle:
             (here.north_m, here.east_m) if nowhere else self.plane.to_local(latitude, longitude)
         )
         return Target(north_m=north, east_m=east, height_m=height)
-
-    # ------------------------------------------------------------------- how it moves
 
     def advance(self, step_s: float) -> None:
         """Let a short time pass."""

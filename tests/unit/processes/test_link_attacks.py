@@ -242,7 +242,7 @@ async def test_a_station_of_an_older_version_is_refused_with_the_remedy_and_can_
             else None
         )
         await until(lambda: drone.report is not None and drone.report.fault is None)
-        gate = drone.bay.process._payloads.stations.gate
+        gate = drone.bay.process._inbox.stations.gate
         session, *_ = session_of(gate.announcement(DRONE), KEY, DRONE)
         for counter, order in enumerate(
             (
