@@ -23,7 +23,8 @@ from uavrt.guidance.observed import (
 from uavrt.guidance.order_watch import OrderWatch
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.messages import FlyThere, GoHome
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import MODES
 
 HOME_DEG, HOME_AMSL_M, HEIGHT_M = (47.1, 8.5), 430.0, 40.0
 BEAT_S, STEP_M = 1.0, 10.0

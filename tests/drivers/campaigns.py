@@ -21,7 +21,9 @@ from uavrt.guidance.progress import STANDS_S
 from uavrt.mavlink.dialect import MavCmd
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
+from uavrt.simulation.vehicle_telemetry import target_message
 from uavrt.units import wrap_degrees_180
 
 LONGEST_S = 1500.0
@@ -87,9 +89,9 @@ def hovering(flavour: Flavour, rng: random.Random) -> Framed:
 def leave(flown: Framed, rng: random.Random) -> None:
     """Let its pilot give up control: some drones still turn then."""
     vehicle = flown.vehicle
-    vehicle.yaw_deg = rng.uniform(0.0, 360.0)
+    vehicle.heading.yaw_deg = rng.uniform(0.0, 360.0)
     turns = rng.random() < 0.3
-    vehicle.yaw_setpoint_deg = rng.uniform(0.0, 360.0) if turns else vehicle.yaw_deg
+    vehicle.heading.setpoint_deg = rng.uniform(0.0, 360.0) if turns else vehicle.heading.yaw_deg
     if rng.random() < 0.5:
         vehicle.set_mode(MODES[flown.flavour]["hold"])
     flown.run(rng.uniform(1.2, 3.0))
@@ -224,9 +226,9 @@ def go_nearby(flown: Framed, rng: random.Random) -> None:
 def turn_at_our_target(flown: Framed, rng: random.Random) -> None:
     """Go to where we have sent it, a centimetre higher, looking elsewhere by 5 to 15°."""
     vehicle, (_, last) = flown.vehicle, flown.commands[-1]
-    assert vehicle.yaw_setpoint_deg is not None
+    assert vehicle.heading.setpoint_deg is not None
     by_deg = rng.choice((-1, 1)) * rng.uniform(5.0, 15.0)
-    yaw = math.radians(vehicle.yaw_setpoint_deg + by_deg)
+    yaw = math.radians(vehicle.heading.setpoint_deg + by_deg)
     flown._reposition(x=last.x, y=last.y, z=last.z + 0.01, param4=yaw)
 
 
@@ -303,15 +305,15 @@ def takeover_fault(name: str, flavour: Flavour, seed: int) -> str | None:
     shown_s = shown[flavour == "ardupilot"]
     flown = flying(flavour, rng, name)
     story = f"{flavour} {name} {seed}"
-    before = flown.vehicle.position_target(0)
+    before = target_message(flown.vehicle, 0)
     begun_s, sent = flown.time_s, len(flown.commands)
     event(flown, rng)
-    if name == "pause" and is_same(before, flown.vehicle.position_target(0)):
+    if name == "pause" and is_same(before, target_message(flown.vehicle, 0)):
         return CROSSED
     stood_s: float | None = None
     while flown.authority.standing is not Standing.OUT and flown.time_s < begun_s + 40.0:
         flown.step()
-        if stood_s is None and math.hypot(*flown.vehicle.velocity_m_s) < STANDS_M_S:
+        if stood_s is None and math.hypot(*flown.vehicle.body.velocity_m_s) < STANDS_M_S:
             stood_s = flown.time_s
     out_s, reason = flown.time_s, flown.authority.reason
     late = [time_s for time_s, _ in flown.commands[sent:]]
@@ -350,11 +352,11 @@ def is_clear(flown: Framed, last: Any) -> bool:
     vehicle, target = flown.vehicle, flown.vehicle.target
     if target is None or getattr(last, "x", None) is None:
         return False
-    north, east = vehicle.place_m
+    north, east = vehicle.body.place_m
     away_m = math.hypot(target.north_m - north, target.east_m - east)
-    setpoint_deg = wanted_deg = some(vehicle.yaw_setpoint_deg)
-    if vehicle.wanted_yaw_deg is not None:
-        wanted_deg = vehicle.wanted_yaw_deg
+    setpoint_deg = wanted_deg = some(vehicle.heading.setpoint_deg)
+    if vehicle.heading.wanted_deg is not None:
+        wanted_deg = vehicle.heading.wanted_deg
     elif away_m > 2.0:
         wanted_deg = math.degrees(math.atan2(target.east_m - east, target.north_m - north))
     # In a turn, the pilot may by chance ask for the heading to which it turns.
@@ -367,9 +369,9 @@ def looks_ahead(flown: Framed) -> bool:
     vehicle, target = flown.vehicle, flown.vehicle.target
     if target is None:
         return False
-    north, east = target.north_m - vehicle.north_m, target.east_m - vehicle.east_m
-    off_deg = wrap_degrees_180(math.degrees(math.atan2(east, north)) - vehicle.yaw_deg)
-    speed_m_s = math.hypot(*vehicle.velocity_m_s)
+    north, east = target.north_m - vehicle.body.north_m, target.east_m - vehicle.body.east_m
+    off_deg = wrap_degrees_180(math.degrees(math.atan2(east, north)) - vehicle.heading.yaw_deg)
+    speed_m_s = math.hypot(*vehicle.body.velocity_m_s)
     return abs(off_deg) < 3.0 and math.hypot(north, east) > 0.5 * speed_m_s > 0.5
 
 
@@ -380,7 +382,7 @@ def flying(flavour: Flavour, rng: random.Random, name: str) -> Framed:
         flown = BEGUN[action](flavour, rng.randrange(1_000_000))
         flown.run(rng.uniform(3.0, 45.0))
         vehicle, wishes = flown.vehicle, flown.authority.standing is Standing.IN_COMMAND
-        moves = math.hypot(*vehicle.velocity_m_s) > 1.0
+        moves = math.hypot(*vehicle.body.velocity_m_s) > 1.0
         last = flown.commands[-1][1] if flown.commands else None
         fits = not (name == "pause by 193" and not moves)
         fits &= not (name in NEED_REMOTE and not flown.channels)

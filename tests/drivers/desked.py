@@ -15,8 +15,9 @@ from uavrt.guidance.reports import now_of
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import parse_address
 from uavrt.messages import Command, CommandReply, MotionOffer, VehicleReport, VehicleWish
-from uavrt.processes.motion_desk import MotionDesk, Outlets
-from uavrt.simulation.flying import Flavour
+from uavrt.processes.motion_control import Outlets
+from uavrt.processes.motion_desk import MotionDesk
+from uavrt.simulation.airframe import Flavour
 from uavrt.tunnel.motion import (
     MotionConfirmation,
     MotionState,
@@ -65,7 +66,7 @@ class Desked(Flown):
                 state=lambda payload, _: self.states.append(decode_state(payload)),
                 ask=self._asked.append,
                 record=self._take,
-                tell=lambda _: None,
+                text=lambda _: None,
             ),
             own_place=lambda: (1, 191),
             next_request_id=lambda: next(self._numbers),
@@ -94,7 +95,7 @@ class Desked(Flown):
         self._stopping = True  # the desk itself commands nothing else
         self.desk.tick({STATION: self.ground_silent_s})
         self._stopping = False
-        self.authority = self.desk._authority or self.authority
+        self.authority = self.desk.control.authority or self.authority
         while self._wishes and self._wishes[0][0] <= self.steps:
             self.desk.wish(self._wishes.popleft()[1])
         if self.alive and self._is_new:
@@ -133,7 +134,7 @@ class Desked(Flown):
             raise CommandRefused(self.states[-1].text)
 
     def offer(self, order_id: int, *, takeoff: bool = False) -> None:
-        self.desk.offer(
+        self.desk.orders.offer(
             MotionOffer(
                 request_id=next(self._numbers),
                 asker=STATION,
@@ -153,10 +154,10 @@ class Desked(Flown):
             nonce=nonce_of(order_id),
             sticks_unseen=not self.channels,
         )
-        self.desk.receive(encode_confirmation(confirmation), STATION, None, sealed=True)
+        self.desk.orders.receive(encode_confirmation(confirmation), STATION, None, sealed=True)
         asked, self._asked[:] = list(self._asked), []
         for one in asked:
-            self.desk.reply(
+            self.desk.orders.reply(
                 CommandReply(
                     request_id=one.request_id, name=one.name, accepted=True, message=""
                 )
@@ -166,5 +167,5 @@ class Desked(Flown):
         """The operator takes it back."""
         self._stopping = True
         stop = encode_stop(MotionStop(request_id=next(self._numbers)))
-        self.desk.receive(stop, STATION, None, sealed=True)
+        self.desk.orders.receive(stop, STATION, None, sealed=True)
         self._stopping = False

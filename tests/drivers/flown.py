@@ -21,8 +21,16 @@ from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
 from uavrt.mavlink.wind import wind_of
 from uavrt.messages import VehicleReport
-from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, FlyingVehicle
 from uavrt.simulation.geometry import TangentPlane
+from uavrt.simulation.vehicle_telemetry import (
+    home_message,
+    landed_message,
+    position_message,
+    target_message,
+    wind_message,
+)
 
 STEP_S = 0.05
 Through = Callable[[float, Iterable[Message]], Iterable[Message]]
@@ -53,7 +61,7 @@ class Flown:
         self.vehicle = FlyingVehicle(
             flavour, HOME, frame or Frame(), height_m=0.0 if on_ground else 40.0
         )
-        self.vehicle.elapsed_s = phase_s
+        self.vehicle.body.elapsed_s = phase_s
         self.flavour = flavour
         self.limits = limits or Limits(battery_wh=120.0)
         self.authority = Authority(
@@ -145,7 +153,9 @@ class Flown:
     def now(self) -> VehicleNow | None:
         """As the guide sees it; the battery in whole percents, as SYS_STATUS tells it."""
         seen = self.authority.vehicle_seen(
-            battery_percent=round(self.vehicle.battery_percent) if self.status_told else None,
+            battery_percent=round(self.vehicle.body.battery_percent)
+            if self.status_told
+            else None,
             wishes_sent=self.sent,
             wishes_refused=self.refused,
             ground_silent_s=self.ground_silent_s,
@@ -193,7 +203,7 @@ class Flown:
         if self.steps % 2 == 0:
             if self.position_told:
                 yield self._position(boot_ms)
-            target = self.vehicle.position_target(boot_ms)
+            target = target_message(self.vehicle, boot_ms)
             if target is not None and self.target_told:
                 yield target
         if self.steps % self.sticks_every == 1 and self.channels:
@@ -208,12 +218,12 @@ class Flown:
         if self.steps % 20 == 7:
             yield self._home()
         if self.wind_told and self.steps % 100 == 9:
-            yield self.vehicle.wind(boot_ms)
+            yield wind_message(self.vehicle, boot_ms)
         if self.landed_told and self.steps % 10 == 8:
-            yield self.vehicle.landed_state()
+            yield landed_message(self.vehicle)
 
     def _position(self, boot_ms: int) -> Message:
-        message = self.vehicle.position(boot_ms)
+        message = position_message(self.vehicle, boot_ms)
         if not self.position:
             message.lat = message.lon = 0
         message.alt += round(self.jump_m * 1e3)
@@ -254,11 +264,11 @@ class Flown:
             load=300,
             voltage_battery=16_000,
             current_battery=-1,
-            battery_remaining=round(self.vehicle.battery_percent),
+            battery_remaining=round(self.vehicle.body.battery_percent),
         )
 
     def _home(self) -> Message:
-        message = self.vehicle.home()
+        message = home_message(self.vehicle)
         message.latitude += round(self.home_north_m / METRES_PER_DEGREE * 1e7)
         message.altitude += round(self.home_up_m * 1e3)
         return message
@@ -280,11 +290,11 @@ class Flown:
 
     def go_to(self, north_m: float, east_m: float) -> None:
         latitude, longitude = self.place(north_m, east_m)
-        z = HOME.altitude_amsl_m + self.vehicle.shown_height_m
+        z = HOME.altitude_amsl_m + self.vehicle.body.shown_height_m
         self._reposition(x=round(latitude * 1e7), y=round(longitude * 1e7), z=z)
 
     def change_height(self, by_m: float) -> None:
-        height = self.vehicle.shown_height_m + by_m
+        height = self.vehicle.body.shown_height_m + by_m
         if self.flavour == "px4":
             self._reposition(z=HOME.altitude_amsl_m + height)
         else:  # by SET_POSITION_TARGET_LOCAL_NED
@@ -296,11 +306,11 @@ class Flown:
             )
 
     def change_heading(self, by_deg: float) -> None:
-        wanted = (self.vehicle.yaw_deg + by_deg) % 360.0
+        wanted = (self.vehicle.heading.yaw_deg + by_deg) % 360.0
         if self.flavour == "px4":
             self._reposition(param4=math.radians(wanted))
         else:
-            self.vehicle.turn_left_deg, self.vehicle.turn_rate_deg_s = by_deg, 40.0
+            self.vehicle.heading.turn(by_deg, 40.0)
 
 
 def nonce_of(order_id: int) -> int:

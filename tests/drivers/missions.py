@@ -10,7 +10,8 @@ from searched import Animal, Searched
 
 from uavrt.guidance.orders import Limits
 from uavrt.messages import KeepOut
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 
 FENCE_M = 400.0
 LOWEST_M, HIGHEST_M = 25.0, 80.0
@@ -79,7 +80,7 @@ def flown(seed: int) -> Mission:
         radius_m=radius,
         duration_s=LONGEST_S,
     )
-    search.flown.vehicle.yaw_deg = float(rng.uniform(0.0, 360.0))
+    search.flown.vehicle.heading.yaw_deg = float(rng.uniform(0.0, 360.0))
     search.flown.wind_m_s, search.flown.wind_told = None, tells
     search.flown.run(0.5)
     return _watched(search, seed, wind)
@@ -129,19 +130,19 @@ def _watched(search: Searched, seed: int, wind: float) -> Mission:
     voids = search.seeker_of(search.order()).area.voids
     search.begin()
     search.nearest_m = math.inf
-    farthest, heights, way = 0.0, [vehicle.shown_height_m], [vehicle.place_m]
+    farthest, heights, way = 0.0, [vehicle.body.shown_height_m], [vehicle.body.place_m]
     while not search.out:
         search.step()
-        way.append(vehicle.place_m)
-        farthest = max(farthest, math.hypot(*vehicle.place_m))
-        heights.append(vehicle.shown_height_m)
+        way.append(vehicle.body.place_m)
+        farthest = max(farthest, math.hypot(*vehicle.body.place_m))
+        heights.append(vehicle.body.shown_height_m)
     nearest, why = search.nearest_m, search.flown.authority.reason
     returning = vehicle.mode == MODES[search.flavour]["return"]
     for _ in range(20 * 300):
         if not vehicle.armed or not returning:
             break
         search.flown.step()
-        way.append(vehicle.place_m)
+        way.append(vehicle.body.place_m)
     north, east = np.array(way).T
     return Mission(
         seed=seed,
@@ -152,7 +153,7 @@ def _watched(search: Searched, seed: int, wind: float) -> Mission:
         lowest_m=min(heights),
         highest_m=max(heights),
         nearest_m=nearest,
-        home_percent=None if vehicle.armed else vehicle.battery_percent,
+        home_percent=None if vehicle.armed else vehicle.body.battery_percent,
         why=why,
         found=len(search.errors_m),
         sought=len(search.animals),

@@ -15,10 +15,12 @@ from uavrt.guidance.authority import Standing
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
-from uavrt.guidance.seeker import Choice, Equipment, Seeker
+from uavrt.guidance.search_task import Equipment
+from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
-from uavrt.simulation.flying import Flavour, FlyingVehicle, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import FlyingVehicle
 
 PATTERN = PATTERNS["RA-23K"]
 HEARD_DB = 9.2
@@ -130,7 +132,7 @@ class Searched:
         for number, animal in enumerate(self.animals):
             animal.north_m += animal.walks[0] * STEP_S
             animal.east_m += animal.walks[1] * STEP_S
-            north, east = flown.vehicle.place_m
+            north, east = flown.vehicle.body.place_m
             off = math.hypot(animal.north_m - north, animal.east_m - east)
             self.nearest_m = min(self.nearest_m, off)
             if flown.time_s >= animal.next_s:
@@ -190,20 +192,20 @@ class Searched:
             self.time_ns,
             latitude,
             longitude,
-            altitude_relative_m=vehicle.shown_height_m,
-            altitude_amsl_m=HOME.altitude_amsl_m + vehicle.shown_height_m,
-            yaw_deg=vehicle.yaw_deg,
+            altitude_relative_m=vehicle.body.shown_height_m,
+            altitude_amsl_m=HOME.altitude_amsl_m + vehicle.body.shown_height_m,
+            yaw_deg=vehicle.heading.yaw_deg,
         )
         return PulsePose(pulse=pulse(tag, self.time_ns, snr_db), pose=pose)
 
 
 def snr_db(animal: Animal, vehicle: FlyingVehicle) -> float:
     """SNR of a pulse at the drone's antenna, without what differs from pulse to pulse."""
-    north, east = vehicle.place_m
+    north, east = vehicle.body.place_m
     dn, de = animal.north_m - north, animal.east_m - east
-    height = vehicle.shown_height_m
+    height = vehicle.body.shown_height_m
     slant = math.hypot(dn, de, height)
-    yaw = math.radians(vehicle.yaw_deg)
+    yaw = math.radians(vehicle.heading.yaw_deg)
     ahead, right = (
         dn * math.cos(yaw) + de * math.sin(yaw),
         de * math.cos(yaw) - dn * math.sin(yaw),

@@ -11,11 +11,11 @@ from flown import STEP_S
 from searched import Animal, Searched
 
 from uavrt.ground.link.given_ways import GivenWays
-from uavrt.guidance.company import Company
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.seeker import Choice
+from uavrt.guidance.shared_search import SharedSearch
 from uavrt.messages import Course, Neighbour
-from uavrt.simulation.flying import Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.tunnel.neighbours import (
     decode_course,
     decode_neighbour,
@@ -39,10 +39,10 @@ class Among(Searched):
     def __post_init__(self) -> None:
         super().__post_init__()
         vehicle = self.flown.vehicle
-        vehicle.north_m, vehicle.east_m = self.start_m
-        vehicle.height_m = self.height_m
+        vehicle.body.north_m, vehicle.body.east_m = self.start_m
+        vehicle.body.height_m = self.height_m
         self.flown.run(1.2)
-        self.company = Company(1000 * self.number)
+        self.shared = SharedSearch(1000 * self.number)
         self.not_given = 0
         self.goes_home = False
         self._course_s = 0.0
@@ -53,10 +53,10 @@ class Among(Searched):
     def started(self) -> None:
         now = self.flown.now()
         assert now is not None
-        self.company.begin(now.time_s)
-        self.company.check(now, self.height_m)
+        self.shared.begin(now.time_s)
+        self.shared.check(now, self.height_m)
         self.begin()
-        self.company.go((now.latitude_deg, now.longitude_deg))
+        self.shared.go((now.latitude_deg, now.longitude_deg))
 
     @property
     def homeward(self) -> bool:
@@ -75,13 +75,13 @@ class Among(Searched):
 
     def think(self, now: VehicleNow) -> None:
         if self.out:
-            self.company.end()
+            self.shared.end()
             return
-        self.pilot.among = self.company.has_others(now.time_s)
+        self.pilot.among = self.shared.has_others(now.time_s)
         if self.pilot.returning:
-            self.company.go(now.home, returning=True)
-        if self.company.waits:
-            answer = self.company.answer(now)
+            self.shared.go(now.home, returning=True)
+        if self.shared.waits:
+            answer = self.shared.answer(now)
             if answer is None:
                 return
             choice, given = answer
@@ -92,10 +92,10 @@ class Among(Searched):
                 self.not_given += 1
                 self.seeker.withdraw()
         elif self.is_time:
-            others = self.company.thinks(now.time_s)
+            others = self.shared.thinks(now.time_s)
             idle = self.pilot.idle
             choice = self.seeker.think(self.time_ns, now, idle=idle, others=others)
-            flown_now = choice.steps is None or self.company.choose(choice, now)
+            flown_now = choice.steps is None or self.shared.choose(choice, now)
             if flown_now:
                 self.take_up(choice, now)
             else:
@@ -104,12 +104,12 @@ class Among(Searched):
     def course(self) -> Course | None:
         """What is due to be told."""
         now = self.flown.now()
-        if now is None or not self.company.speaks(now.time_s):
+        if now is None or not self.shared.speaks(now.time_s):
             return None
-        if now.time_s < self._course_s + (0.4 if self.company.waits else 1.0):
+        if now.time_s < self._course_s + (0.4 if self.shared.waits else 1.0):
             return None
         self._course_s = now.time_s
-        return self.company.course(now, searching=self.searching, height_m=self.height_m)
+        return self.shared.course(now, searching=self.searching, height_m=self.height_m)
 
 
 @dataclass
@@ -179,7 +179,7 @@ class Together:
             else:
                 one.flown.step()
                 if hasattr(one, "pilot"):
-                    one.company.end()
+                    one.shared.end()
             course = one.course()
             if course is not None:
                 self._up(one, encode_course(course))
@@ -212,7 +212,7 @@ class Together:
     def _down(self, one: Among, told: Neighbour) -> None:
         payload = encode_neighbour(told)
         self._send(
-            one.number, lambda: one.company.take(decode_neighbour(payload), one.flown.time_s)
+            one.number, lambda: one.shared.take(decode_neighbour(payload), one.flown.time_s)
         )
 
     def _measure(self) -> None:
@@ -223,7 +223,9 @@ class Together:
                 apart = math.dist(one.place_m, two.place_m)
                 if a.searching and b.searching and not (a.homeward or b.homeward):
                     self.apart_m = min(self.apart_m, apart)
-                at_home = any(math.hypot(*vehicle.place_m) < HOME_M for vehicle in (one, two))
+                at_home = any(
+                    math.hypot(*vehicle.body.place_m) < HOME_M for vehicle in (one, two)
+                )
                 if (a.homeward or b.homeward) and not at_home and apart < 25.0:
                     off = abs(one.height_m - two.height_m)
                     self.heights_apart_m = min(self.heights_apart_m, off)

@@ -24,7 +24,8 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.demo.programs import Program, free_udp_port
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import MODES
 from uavrt.simulation.scenario import Scenario
 
 pytestmark = pytest.mark.timeout(240)

@@ -24,9 +24,9 @@ from until import until
 from uavrt.geodesy import distance_m
 from uavrt.messages import SearchNote
 from uavrt.recording.flight_reader import read_search_notes
+from uavrt.simulation.airframe import Flavour
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.flight import Flight
-from uavrt.simulation.flying import Flavour
 from uavrt.simulation.scenario import Radio, Scenario
 from uavrt_experiments.resources.usage import pss_mb
 

@@ -19,7 +19,7 @@ from uavrt.messages import KeepOut
 from uavrt.tangent_plane import TangentPlane
 
 CIRCLE_CORNERS = 20
-"""As many as an order holds."""
+"""Most places of an order."""
 MOST_KEEP_OUT = 100
 MOST_OUTLINES = 1000
 MOST_CORNERS = 1000
@@ -40,10 +40,8 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the one outline that a file holds, besides those to keep out of.
+    """Read the one outline in the text of a file, besides those to keep out of.
 
-    `text`: of the file.
-    `name`: its name, for the error.
     Raises `FormatError`: it is none of the three, or holds no outline or several.
     """
     with in_words(f"{name} gives no area", _REMEDY):
@@ -62,7 +60,6 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     polygons whose name begins with "keep out", in a plan the fences to stay outside of.
     None is left out: what is marked so and is neither is refused by its name.
 
-    `text`, `name`: as for `area_in`.
     `every`: the file is of nothing else: every outline of GeoJSON or KML counts, and every
     Point of GeoJSON.
     Raises `FormatError`: it is none of the three, or one of them is no place.
@@ -158,10 +155,7 @@ def _kept(one: _Outline) -> KeepOut:
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Corners of a circle.
-
-    Raises `FormatError`: the radius is not above 0.
-    """
+    """Corners of a circle; raises `FormatError` for a radius that is not above 0."""
     if not 0.0 < radius_m < 1e5:
         raise FormatError(f"a circle of {radius_m:g} m", remedy="Give a radius above 0")
     plane = TangentPlane(latitude_deg=center[0], longitude_deg=center[1])

@@ -7,7 +7,7 @@ of a new order, with a nonce that was never used, begins again. What the autopil
 command counts for nothing: PX4 refuses commands that it flies, and accepts some that it does
 not. A command is obeyed when its target is seen to be the vehicle's.
 
-It stands where commands leave the drone side, and hears the autopilot before anybody else: what
+It stands where commands leave the drone side, and receives the autopilot's reports first: what
 was on its way from a planner when a pilot took over is refused here.
 """
 
@@ -76,13 +76,10 @@ class Authority:
         """Order that is confirmed or in command."""
         return None if self._order is None else self._order.offer.order_id
 
-    # --------------------------------------------------------------- the operator
-
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
         """Handle an order that the operator is asked to confirm; the one before is forgotten.
 
-        Raises `CommandRefused`: the vehicle is not in a state to be flown; or the nonce was
-        used.
+        Raises `CommandRefused`: the vehicle cannot be flown now, or the nonce was used.
         """
         mode, place, home = self._check_vehicle(now_s, takeoff=takeoff)
         vehicle = self.vehicle
@@ -111,8 +108,7 @@ class Authority:
 
         With `sticks_unseen` the operator knows that no hand on the sticks would be seen.
 
-        Raises `CommandRefused`: it is not what was offered, too late, or something has changed
-        meanwhile.
+        Raises `CommandRefused`: it is not what was offered, too late, or the vehicle changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
@@ -164,8 +160,6 @@ class Authority:
         """Note a sign of life of the process that sends the wishes."""
         if self._order is not None:
             self._order.planner_alive(now_s)
-
-    # ---------------------------------------------------------------- the commands
 
     def command(
         self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
@@ -246,8 +240,6 @@ class Authority:
         """Whether the last command is seen to be obeyed."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and motion.obeyed
-
-    # --------------------------------------------------------------- what is seen
 
     def see(self, seen: Observation) -> None:
         """Handle what the vehicle reports; anything that we did not cause ends the order."""

@@ -132,8 +132,6 @@ class Commanded:
         """Note that the vehicle is in our mode, which is all that `TakeMode` asks for."""
         self.obeyed |= isinstance(self.wish, TakeMode)
 
-    # ------------------------------------------------------------------ its target
-
     def see_target(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
@@ -210,8 +208,6 @@ class Commanded:
         if not self.first or position is None:
             return False
         return between_m(seen, position) < ASTRAY_M + stops_within_m(position.speed_m_s)
-
-    # ---------------------------------------------------------------- its position
 
     def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
         """Take a position, and how fast the heading changes."""

@@ -1,6 +1,6 @@
 """Heights of the ground around home, from a map of heights. Pure.
 
-What is commanded is a height above home; the map tells how much higher the ground is elsewhere.
+What is commanded is a height above home; the map shows how much higher the ground is elsewhere.
 Both must agree on home, or one of them is not what it is taken for.
 """
 
@@ -41,10 +41,7 @@ class GroundAround:
     def around(
         cls, heights_at: HeightsAt, plane: TangentPlane, reach_m: float
     ) -> "GroundAround":
-        """Read the map around home.
-
-        Raises `PlanError`: it does not know the height of home.
-        """
+        """Read the map around home; raises `PlanError` if it lacks the height of home."""
         step = max(STEP_M, reach_m / _MOST_STEPS)
         count = int(np.ceil(reach_m / step)) + 1
         along = step * np.arange(-count, count + 1)

@@ -20,7 +20,6 @@ class HandWatch:
     One message may be a receiver's slip of a switch; a second one, or 0.1 s without another, is
     none.
 
-    `then`: the remote control as it was seen.
     `unwatched`: numbers of channels that no hand moves, such as one that carries the RSSI.
     """
 

@@ -10,11 +10,7 @@ def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> 
     """Altitude to send for a wanted height above home.
 
     The barometer drifts and the autopilot's sea level may be off by tens of metres; both are in
-    the altitude and the height that it tells at one instant, and fall out of the difference.
-
-    `amsl_now_m`, `relative_now_m`: altitude above mean sea level and height above home, of one
-    message.
-    `wanted_m`: above home.
+    the altitude and the height of one message, and fall out of the difference.
     """
     return amsl_now_m - relative_now_m + wanted_m
 
@@ -26,10 +22,7 @@ def check_height(
     highest_m: float = 120.0,
     ground_above_home_m: float = 0.0,
 ) -> None:
-    """Refuse a height above home that is too near to the ground, or too high.
-
-    Raises `PlanError`: with the height that may be flown.
-    """
+    """Refuse a height above home that is too low or too high; raises `PlanError`."""
     above = wanted_m - ground_above_home_m
     if above != above or above < lowest_m:
         raise PlanError(

@@ -1,7 +1,6 @@
-"""How late what the vehicle tells is here. Pure.
+"""Delay of the vehicle's reports, by its own clock in them. Pure.
 
-What arrives is new to us and may be old all the same: behind a slow link's queue a pilot's
-return is told seconds after it has begun. The vehicle's own clock in its messages shows it.
+Behind a slow link's queue the report of a pilot's return arrives seconds after its begin.
 """
 
 from uavrt.guidance.observed import BootTimeSeen
@@ -13,10 +12,10 @@ CLOCKS_PART = 2e-4
 
 
 class Lateness:
-    """Measures it by the autopilot's time since its start.
+    """Measures the delay by the autopilot's time since its start.
 
-    Where TIMESYNC tells what that clock shows, by that; else by the least offset that was seen
-    since the link came up: the quickest message is taken to be in time.
+    Where TIMESYNC gives that clock's time, by that; else by the least offset since the link
+    came up: the quickest message is taken to be in time.
     """
 
     def __init__(self) -> None:

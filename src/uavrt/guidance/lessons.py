@@ -9,11 +9,11 @@ LEARNS_PERCENT = 3.0
 """Of the battery between two lessons."""
 READING_SHARE = 0.005
 """Of the battery: error of a difference of two readings in whole percents, at their changes."""
-UNTOLD_SIGMA, TOLD_SIGMA = 1.0, 0.25
+UNKNOWN_SIGMA, KNOWN_SIGMA = 1.0, 0.25
 """How sure the power of hovering is before the first lesson, as a share of it: the way home is
-reckoned with two of them more. Drones that nobody has told of take 400 W, or thrice as much."""
+reckoned with two of them more. Unknown drones take 400 W to 1200 W."""
 SWAPPED_PERCENT = 5.0
-"""A battery that has so much more at once is another one."""
+"""A charge that rises by more at once is of another battery."""
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
@@ -22,12 +22,12 @@ def energy_of(hover_w: float | None) -> EnergyModel:
     `hover_w`: power of hovering by the settings; None: not known.
     """
     if hover_w is None:
-        return EnergyModel(scale_sigma=UNTOLD_SIGMA)
+        return EnergyModel(scale_sigma=UNKNOWN_SIGMA)
     return EnergyModel(
         hover_w=hover_w,
         cruise_w=1.05 * hover_w,
         climb_j_per_m=0.15 * hover_w,
-        scale_sigma=TOLD_SIGMA,
+        scale_sigma=KNOWN_SIGMA,
     )
 
 

@@ -17,11 +17,11 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
 REPORT_GAP_S = 3.0
-"""Between reports that come each second; after a longer gap the search began anew."""
+"""Longest gap between the reports of one search, which come each second."""
 LATE_INTERVALS, LATE_S = 2.0, 1.5
-"""A group's pulses come up to so much later, besides the group itself."""
+"""Greatest delay of a group's pulses after the group itself."""
 KEPT_S = 60.0
-"""Of where the drone was."""
+"""How long the drone's places are kept."""
 MOST_KEYS = 4096
 
 
@@ -72,11 +72,10 @@ class _Ear:
 def threshold_db(k: int, *, coded: bool = False) -> float:
     """ENR at which half of the groups of K equal pulses are found; or of K coded bursts.
 
-    A line through what `uavrt.detection.sensitivity.enr_needed_db` gives for tags of 20 ms, of
-    exact and of
-    usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. To work
-    it out on the drone would take scipy.stats, twice as much memory as the guide has. One coded
-    burst of four pulses takes 9.7 dB a pulse, three 6.0, ten 2.7.
+    A line through `uavrt.detection.sensitivity.enr_needed_db` for tags of 20 ms, of exact and
+    of usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. On
+    the drone that would take scipy.stats, twice the guide's memory. One coded burst of four
+    pulses takes 9.7 dB a pulse, three 6.0, ten 2.7.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
@@ -84,9 +83,6 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
 class Ears:
     """Turns pulses, reports and places into evidence.
 
-    `tags`: sought.
-    `plane`: around home.
-    `tag_height_m`: of the tags, above home.
     `k`: pulses of a group; 0: as each tag says.
     `codes`: coded tags that are listed, sought or not: of many, reports come more seldom.
     """
@@ -108,7 +104,7 @@ class Ears:
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
-        """Pulses that tell nothing: without a pose, doubtful, ghosts, or told twice."""
+        """Pulses without information: without a pose, doubtful, ghosts, or repeated."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
         """Pulses heard and missed."""
@@ -165,7 +161,7 @@ class Ears:
                 continue
             while ear.next_s + ear.slot_s + ear.late_s <= ear.to_s:
                 begin, ear.next_s = ear.next_s, ear.next_s + ear.slot_s
-                # They may come out of turn: a group's weak ones are told later.
+                # They may come out of turn: a group's weak ones come later.
                 ear.heard_s = [one for one in ear.heard_s if one >= begin]
                 if any(one < ear.next_s for one in ear.heard_s):
                     continue
@@ -212,8 +208,8 @@ def _ear(tag: Tag, k: int) -> _Ear:
 def _coded_ear(tag: Tag, codes: int) -> _Ear:
     """Of a coded tag: what no burst shows by itself is missed, and may yet come.
 
-    A burst that stands out is told within a second or two; what only ten show comes up to
-    eighteen intervals late, a minute and more, when the drone is long elsewhere.
+    A burst that stands out is reported within a second or two; what only ten show comes up to
+    eighteen intervals late, when the drone is long elsewhere.
     """
     (interval,) = tag.pulse_intervals_s
     return _Ear(

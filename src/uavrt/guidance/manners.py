@@ -25,7 +25,7 @@ class Manners:
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
-    """What tells the mode more often than once a second."""
+    """Message that reports the mode more often than once a second."""
     mode_rate_hz: float
     """As often as it can be had; PX4 sends CURRENT_MODE at 2 Hz whatever is asked."""
     yaw_in_reposition: bool
@@ -40,8 +40,8 @@ class Manners:
     """Its mission begins with home, in the place of the first item."""
 
     target_m: float
-    """So near to what was asked for is the target that is told. PX4 keeps the very numbers of
-    the command; a pause of the drone where it stands must differ from them."""
+    """Largest distance of the reported target from the commanded one. PX4 keeps the very
+    numbers of the command; a pause of the drone where it stands must differ from them."""
 
     settles_m: float
     """Greatest distance from the target at which a drone comes to rest by itself [m]; one that
@@ -131,10 +131,7 @@ MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
 
 
 def manners_of(name: str | None) -> Manners:
-    """Manners of an autopilot.
-
-    Raises `CommandRefused`: it is not heard, or is none that was flown with.
-    """
+    """Manners of an autopilot; raises `CommandRefused` for one that is unknown."""
     for known, manners in MANNERS.items():
         if known == name:
             return manners

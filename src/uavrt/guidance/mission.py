@@ -37,7 +37,7 @@ _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionItem:
-    """One item, as MISSION_ITEM_INT tells it."""
+    """One item, as in MISSION_ITEM_INT."""
 
     command: int
     frame: int = ABSOLUTE_FRAME
@@ -98,7 +98,7 @@ def survey_items(
     Nothing of it takes off: a pilot does, and starts the mission.
 
     `order`: a survey along lines or around; of turns at places no autopilot's mission is alike.
-    `limits`: heights; beside `home` also the distance from it, and the vehicle's own fence.
+    `limits`: heights; with `home` also the distance from it, and the vehicle's own fence.
     `home`: the vehicle's; without it only the ways themselves are checked.
     Raises `PlanError`: there is no height, the outline is none, or a way leads over people or
     buildings; or, with a home, out of the fence, too far away, or to where the way home does
@@ -163,11 +163,7 @@ def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str 
 
 
 def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
-    """Read the fence that a vehicle holds.
-
-    Raises `FormatError`: it is none: corners are missing, or of no polygon, or an item is
-    unknown.
-    """
+    """Read the fence that a vehicle holds; raises `FormatError` for an invalid one."""
     within: list[KeepOut] = []
     outside: list[KeepOut] = []
     rest = iter(items)
@@ -191,7 +187,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
 
 
 def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
-    """The corners of a polygon; each tells how many there are."""
+    """The corners of a polygon; each item has their number."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
         raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)

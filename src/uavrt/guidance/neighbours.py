@@ -12,8 +12,8 @@ import numpy as np
 from uavrt.guidance.orders import Place
 from uavrt.messages import Neighbour
 from uavrt.planning.beliefs import Beliefs
-from uavrt.planning.beside import Beside, Separation, Strip
 from uavrt.planning.division import Start
+from uavrt.planning.other_drones import OtherDrones, Separation, Strip
 from uavrt.planning.shares import shared_out
 from uavrt.planning.vehicle import Path, VehicleState
 from uavrt.tangent_plane import TangentPlane
@@ -45,7 +45,7 @@ def _local(plane: TangentPlane, place: Place) -> _Metres:
     return float(east), float(north)
 
 
-def beside_of(
+def other_drones_of(
     others: Sequence[Neighbour],
     state: VehicleState,
     plane: TangentPlane,
@@ -54,7 +54,7 @@ def beside_of(
     held: Collection[int],
     *,
     speed_m_s: float,
-) -> tuple[Beside, tuple[int, ...]]:
+) -> tuple[OtherDrones, tuple[int, ...]]:
     """What a drone is to count with, and the tags that it is after from now on.
 
     `state`: where it decides from.
@@ -84,13 +84,13 @@ def beside_of(
     theirs = {tag_id for tag_id, drone in owners.items() if drone != _OWN} - set(mine)
     theirs |= {tag_id for tags in rounds.values() for tag_id in tags}
     wanted = set(beliefs) - set(found)
-    beside = Beside(
+    drones = OtherDrones(
         separation=SEPARATION,
         listening=tuple(listening),
         left=frozenset(theirs & wanted) if wanted - theirs else frozenset(),
         strips=strips_of(others, plane),
     )
-    return beside, tuple(mine)
+    return drones, tuple(mine)
 
 
 def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
@@ -109,9 +109,9 @@ def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path
     )
 
 
-def nearest_m(beside: Beside, places: Sequence[_Metres]) -> float:
+def nearest_m(drones: OtherDrones, places: Sequence[_Metres]) -> float:
     """How near a way through places comes to what is others'."""
     return min(
-        float(beside.strips_apart_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
+        float(drones.strips_apart_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
         for begin, end in pairwise(places)
     )

@@ -17,7 +17,7 @@ class ModeSeen:
     mode: int
     """Custom mode."""
     armed: bool | None = None
-    """None: the message does not tell."""
+    """None: not in the message."""
     failsafe: bool = False
     """The autopilot's own state is critical or worse."""
 
@@ -112,7 +112,7 @@ class FailsafeSeen:
 
 @dataclass(frozen=True, slots=True)
 class BootTimeSeen:
-    """Any message that tells the time since the autopilot's start."""
+    """Any message with the time since the autopilot's start."""
 
     time_s: float
     boot_s: float

@@ -87,10 +87,7 @@ class Offers:
         self._used: set[int] = set()
 
     def add(self, offer: Offer) -> None:
-        """Offer an order; the one before is forgotten.
-
-        Raises `CommandRefused`: the nonce was used.
-        """
+        """Offer an order instead of the one before; a used nonce raises `CommandRefused`."""
         if offer.nonce in self._used:
             raise CommandRefused(
                 "this nonce was used before", remedy="Ask for the motion again"
@@ -99,10 +96,7 @@ class Offers:
         self._withdrawn, self._offer = None, offer
 
     def take(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Take the offered order away, to confirm it.
-
-        Raises `CommandRefused`: it is not what was offered, or too late.
-        """
+        """Take the offered order to confirm it; raises `CommandRefused` for another or late."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)

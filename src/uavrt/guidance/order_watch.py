@@ -119,8 +119,6 @@ class OrderWatch:
         """Note a sign of life of the process that sends the wishes."""
         self.planner_s = now_s
 
-    # ---------------------------------------------------------------- the commands
-
     def check(
         self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool, stops: bool
     ) -> None:
@@ -175,8 +173,6 @@ class OrderWatch:
             previous=self.motion,
         )
         self.flown = None
-
-    # --------------------------------------------------------------- what is seen
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
         """Say what should have been seen by now."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
 OFFER_HOLDS_S = 10.0
-"""From an order's offer to its confirmation: so long the operator may think."""
+"""Longest time from an order's offer to its confirmation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class Limits(GuidanceSettings):
     stay_in: tuple[KeepOut, ...] = ()
     """Areas that nothing leaves: the vehicle's own fence."""
     link_lost_s: float = 5.0
-    """So long without a ground station is lost."""
+    """Silence of the ground stations after which the link is lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +54,6 @@ class VehicleNow(VehicleSeen):
     began: bool
     """The first command was sent."""
     wind: "Wind | None" = None
-    """By the autopilot; None: it tells of none."""
+    """By the autopilot; None: not reported."""
     energy: "EnergyModel | None" = None
-    """What flying takes, as learnt so far; None: as the limits tell."""
+    """Power of flying, as learnt so far; None: by the limits."""

@@ -102,7 +102,7 @@ class Pilot:
         self._wished_step = None
 
     def give_up(self, reason: str) -> None:
-        """Cut the order short: fly home, for nobody would watch the battery where it hovers.
+        """Cut the order short: fly home, as nothing watches the battery where it hovers.
 
         An order that has not begun ends without a command, and so does a take-off.
         """
@@ -231,8 +231,6 @@ class Pilot:
             self._there_s = now.time_s
         return now.time_s - self._there_s >= step.stay_s
 
-    # ------------------------------------------------------ what comes before any step
-
     def _urgent(self, now: VehicleNow) -> Step | None:
         """Home if the battery requires it; hold or home while no ground station is heard."""
         limits = self._limits
@@ -292,7 +290,7 @@ class Pilot:
 
     @property
     def returning(self) -> bool:
-        """Whether it flies home by what it was not told to, as the battery is low."""
+        """Whether it flies home by its own decision, as for a low battery."""
         return self._returning
 
     def _home(self, reason: str) -> Step:

@@ -21,8 +21,7 @@ def survey_file(order: Order, speed_m_s: float) -> str:
     A pilot uploads and starts it, without us. What is to be kept out of becomes exclusion
     fences.
 
-    `order`: as for `uavrt.guidance.mission.survey_items`.
-    Raises `PlanError`: likewise.
+    The order is checked by `uavrt.guidance.mission.survey_items`, which raises `PlanError`.
     """
     items = survey_items(order)
     fences = _fences(order.keep_out, inclusion=False)

@@ -21,7 +21,7 @@ from uavrt.units import wrap_degrees_360
 _CORNERS = 36
 _FASTEST_TURN_DEG_S = 45.0
 BELOW_M = 1.0
-"""So far below the least height a gust may push a drone that hovers there."""
+"""How far a gust may push a hovering drone below the least height."""
 _MOST_TURNS, _MOST_LINES = 60, 200
 _CLIMB_M_S = 1.5
 _CALM_SHARE = 0.9
@@ -38,7 +38,7 @@ class Go:
     height_m: float
     """Above home."""
     yaw_deg: float | None = None
-    """Look there, by an autopilot that does so with its place."""
+    """Heading on the way, for an autopilot that takes it with the place."""
     stay_s: float = 0.0
 
 
@@ -81,10 +81,7 @@ class Plan:
 
 
 def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> Plan:
-    """Make the steps of an order.
-
-    Raises `PlanError`: it cannot be flown; the text says why and what to do.
-    """
+    """Make the steps of an order; raises `PlanError` if it cannot be flown."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     here = (now.latitude_deg, now.longitude_deg)
     check_keep_out(order, limits, plane, (here,))
@@ -167,7 +164,7 @@ def rotation(
 ) -> Plan:
     """Make the steps of a whole turn in place.
 
-    Raises `PlanError`: it would be too fast or too slow, or the heading is not known.
+    Raises `PlanError`: it is too fast or too slow, or the heading is not known.
     """
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, manners, height)
@@ -288,11 +285,9 @@ def area_of(
 def check_keep_out(
     order: Order, limits: Limits, plane: TangentPlane, places: tuple[Place, ...]
 ) -> None:
-    """Refuse a way over people and buildings, or from which a straight way home leads there.
+    """Refuse a way over people or buildings or out of the fence, or such a way home from it.
 
-    Likewise one out of the vehicle's fence.
-
-    Raises `PlanError`: with which of them, and what to do.
+    Raises `PlanError`.
     """
     voids, within = voids_of(order, limits, plane), _within(limits, plane)
     if not (voids or within):
@@ -315,10 +310,7 @@ def check_keep_out(
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Refuse to fly by a map of heights that the autopilot's home does not lie on.
-
-    Raises `PlanError`: they are more than 15 m apart there.
-    """
+    """Refuse a map of heights that is more than 15 m off at home; raises `PlanError`."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
@@ -467,10 +459,7 @@ def check_battery(
     end_m: tuple[float, float],
     height: float,
 ) -> None:
-    """Refuse what the battery does not allow.
-
-    Raises `PlanError`: its size or what is left is not known, or what is left does not suffice.
-    """
+    """Raise `PlanError` if the battery's charge is unknown or does not suffice."""
     if limits.battery_wh is None:
         raise PlanError(
             "the battery's size is not known",
@@ -518,7 +507,7 @@ def way_home_wh(
 ) -> float:
     """The energy for the way home from a place, east and north of it.
 
-    Against the wind that the autopilot tells, or else the worst of the limits.
+    Against the reported wind, or else the worst of the limits.
     """
     state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
     home_m = (0.0, 0.0)
@@ -529,7 +518,7 @@ def way_home_wh(
 
 
 def too_windy(now: VehicleNow, limits: Limits) -> str | None:
-    """How the wind that is told is nearly all that the drone can fly against; else None."""
+    """How the reported wind is nearly all that the drone can fly against; else None."""
     if now.wind is None or now.wind.speed_m_s <= _CALM_SHARE * limits.airspeed_m_s:
         return None
     return (

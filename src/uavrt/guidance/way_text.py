@@ -18,10 +18,8 @@ _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
 def way_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the way that a file holds; nothing if it holds none.
+    """Read the way in the text of a file; nothing if it holds none.
 
-    `text`: of the file.
-    `name`: its name, for the error.
     Raises `FormatError`: it is none of the three kinds of file, or its places are none.
     """
     with in_words(f"{name} gives no way", _REMEDY):

@@ -16,9 +16,9 @@ Ground = Callable[[_Floats, _Floats], _Floats]
 
 _LEAST_AREA_M2 = 100.0
 _NAMED = 3
-"""Corners beyond the fence that are told one by one."""
+"""Corners beyond the fence that an error lists."""
 _SPACING_M = 5.0
-"""Ways are looked at this close."""
+"""Distance between the checked points of a way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class Circle:
     north_m: float
     radius_m: float
     name: str = ""
-    """For what is said of it."""
+    """For errors."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -81,7 +81,7 @@ class Polygon:
     corners: tuple[tuple[float, float], ...]
     """East and north of each [m]; the last is joined to the first."""
     name: str = "polygon"
-    """For what is said of it."""
+    """For errors."""
 
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
@@ -190,23 +190,8 @@ class Polygon:
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
         """Least distance of straight ways from its edge; 0 across it."""
-        off = np.full(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)), np.inf)
         end = (east_m, north_m)
-        for a, b in self._sides:
-            for way in (
-                _off_segment_m(*end, a, b),
-                _off_segment_m(*start_m, a, b),
-                _off_segment_m(*a, start_m, end),
-                _off_segment_m(*b, start_m, end),
-            ):
-                off = np.minimum(off, way)
-            # Ends on both sides of each other's lines: they cross.
-            turns = [
-                _turn(a, b, start_m) * _turn(a, b, end),
-                _turn(start_m, end, a) * _turn(start_m, end, b),
-            ]
-            off = np.where((turns[0] < 0.0) & (turns[1] < 0.0), 0.0, off)
-        return np.asarray(off)
+        return np.min([ways_apart_m(start_m, end, side) for side in self._sides], axis=0)
 
 
 _Place = tuple[float | _Floats, float | _Floats]
@@ -223,6 +208,17 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
     length2 = np.maximum(along_x**2 + along_y**2, 1e-9)
     share = np.clip(((x - a[0]) * along_x + (y - a[1]) * along_y) / length2, 0.0, 1.0)
     return np.asarray(np.hypot(x - a[0] - share * along_x, y - a[1] - share * along_y))
+
+
+def ways_apart_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
+    """Least distance of straight ways from a segment; 0 where they cross it."""
+    a, b = side
+    ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
+    corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
+    off = np.minimum(np.minimum(*ends), np.minimum(*corners))
+    # Ends on both sides of each other's lines: they cross.
+    turns = _turn(a, b, start) * _turn(a, b, end), _turn(start, end, a) * _turn(start, end, b)
+    return np.asarray(np.where((turns[0] < 0.0) & (turns[1] < 0.0), 0.0, off))
 
 
 def _side(a: _Floats, b: _Floats, c: _Floats) -> float:
@@ -328,10 +324,7 @@ class SearchArea:
     def entered(self, east_m: _Floats, north_m: _Floats) -> str | None:
         """Which place to keep away from a way enters, or the way home from it; None for none.
 
-        Parameters
-        ----------
-        east_m, north_m : (n,) arrays
-            Points along it, its start first; what lies between is looked at, too.
+        The points along it begin with its start; what lies between is checked, too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -373,14 +366,9 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Why a way may not be flown, None when it may.
+        """Why a way may not be flown at a height above home, None when it may.
 
-        Parameters
-        ----------
-        east_m, north_m : (n,) arrays
-            Points along it; what lies between is looked at, too.
-        height_m : (n,) array or float
-            Above the ground of home.
+        It is given by points along it; what lies between is checked, too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -390,16 +378,7 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """Why the straight ways from a place to some others may not be flown.
-
-        Parameters
-        ----------
-        state_m : tuple
-            East, north of the drone.
-        east_m, north_m : (legs,) arrays
-        height_m : float
-            Above the ground of home.
-        """
+        """Why the straight ways from a place to others may not be flown, at one height."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
         share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / _SPACING_M)) + 1))[1:]
         x = state_m[0] + (east_m - state_m[0])[:, None] * share

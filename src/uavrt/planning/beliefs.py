@@ -35,7 +35,7 @@ _SURE_NATS = 7.0
 _MOST_NATS = 25.0
 """Evidence that a tag is there counts no more: a tag that falls silent is to be doubted."""
 _KNOWN_SHARE = 0.5
-"""Of the width of its area: a rival whose place is known better is told from the tag."""
+"""Share of its area's width: an interferer whose place is known better differs from the tag."""
 _LIMIT = 3.3
 """Standard deviations at which the check fails: once in a thousand."""
 
@@ -113,7 +113,7 @@ class Rival:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Take a pulse in, whose density was what is told before, by the tag and all others."""
+        """Take a pulse, with its density by the tag and by all other sources."""
         others = self._missed * self.probability * self._density
         chance = self._chance * by_chance_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -131,17 +131,8 @@ class Rival:
 class TagBelief:
     """Everything believed of one tag.
 
-    Parameters
-    ----------
-    tag_id : int
-    prior : TagPrior
-        Area, strength, antenna, motion, shares of misses and of false pulses.
-    rng : Generator
-        Randomness; the same seed gives the same beliefs.
-    particles : int
-        Hypotheses of the place.
-    existence : float
-        Probability, before the flight, that the tag is in the area and beeps.
+    `particles`: hypotheses of the place.
+    `existence`: probability, before the flight, that the tag is in the area and beeps.
     """
 
     def __init__(
@@ -201,23 +192,18 @@ class TagBelief:
             if rival is not None:
                 rival.missed(heard)
         else:
-            rivals = 0.0 if rival is None else rival.density(heard)
+            others = 0.0 if rival is None else rival.density(heard)
             part = 0.0 if rival is None else self.prior.missed_share * rival.probability
-            expected = self._tracker.listen(heard, elsewhere=part * rivals)
+            expected = self._tracker.listen(heard, elsewhere=part * others)
             by_chance = max(chance, 1e-6) * by_chance_density(heard)
             # Were there no tag, what is heard would be a rival.
-            absent = float(np.log(by_chance + rivals))
+            absent = float(np.log(by_chance + others))
             if rival is not None:
                 rival.heard(heard, expected.log_probability)
         gained = self._log_bayes_factor + expected.log_probability - absent
         self._log_bayes_factor = min(gained, _MOST_NATS)
         self._check(heard, expected, absent)
         return expected
-
-    def take_bearing(self, east_m: float, north_m: float, posterior: _Floats) -> None:
-        """Take in a rotation's whole (360,) posterior; its pulses must not be listened to."""
-        evidence = self._tracker.take_bearing(east_m, north_m, posterior)
-        self._log_bayes_factor += evidence - np.log(1.0 / 360.0)
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
         """Note how far a pulse is from what was expected, false ones counting less."""
@@ -239,10 +225,10 @@ class TagBelief:
         )
 
     def doubt(self) -> str | None:
-        """Why what is heard may be something else; None where it is told from the tag.
+        """Why the pulses may be an interferer's; None where it differs from the tag.
 
-        A rival that is probable must be known to be elsewhere: as long as it may be anywhere,
-        its pulses may be those that the place of the tag was made from.
+        A probable interferer must be known to be elsewhere: as long as it may be anywhere,
+        the place of the tag may have been made from its pulses.
         """
         rival = self._rival
         if rival is None or rival.probability < 0.5:
@@ -272,14 +258,7 @@ class TagBelief:
 class Beliefs(Mapping[int, TagBelief]):
     """Several tags; they differ in frequency, so each pulse belongs to one.
 
-    Parameters
-    ----------
-    beliefs : sequence of TagBelief
-
-    Raises
-    ------
-    ConfigError
-        There is no tag, or a number comes twice.
+    Raises `ConfigError`: there is no tag, or a number comes twice.
     """
 
     def __init__(self, *beliefs: TagBelief) -> None:

@@ -1,13 +1,13 @@
 """What tags of one area have in common: how their levels fall with distance.
 
 Each tracker learns its own exponent, as if no other tag were there. But ground and plants are
-those of the area: a tag that was flown round tells the exponent of all. Without that, two
+those of the area: a flight around one tag measures the exponent of all. Without that, two
 hypotheses of each other tag, near and weak or far and strong, stay apart for minutes.
 
 Each tag's likelihood of the exponent is summed up as a normal one: what its posterior has
-beyond its prior and what others told it (expectation propagation with one message for each tag;
-Minka 2001, "Expectation Propagation for Approximate Bayesian Inference"). What it learnt from
-others is thus never told back to them.
+beyond its prior and the messages of others (expectation propagation with one message for each
+tag; Minka 2001, "Expectation Propagation for Approximate Bayesian Inference"). What it learnt
+from others thus never returns to them.
 """
 
 from collections.abc import Iterable
@@ -18,9 +18,9 @@ from uavrt.planning.beliefs import TagBelief
 APART = 0.15
 """How much the exponents of two tags in one area differ, one standard deviation."""
 _SURE = 0.95
-"""Probability that a tag exists from which on it tells others."""
+"""Least probability that a tag exists before it informs others."""
 _NEWS = 1.25
-"""A tag tells anew when it knows so many times as much."""
+"""Factor on its precision after which a tag sends its next message."""
 _PLACED_M = 50.0
 """Root mean square of a tag's cloud below which it is known where it is."""
 _MOST = 1.0 / 0.1**2
@@ -49,12 +49,12 @@ class _Told:
         return _Told(precision=self.precision * share, weighted=self.weighted * share)
 
     def softened(self, variance: float) -> "_Told":
-        """Tell of another tag, whose exponent differs by so much."""
+        """The message as it holds for another tag, whose exponent differs by a variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class CommonFall:
-    """Tells each tag what the others have learnt of the exponent."""
+    """Shares among all tags what each has learnt of the exponent."""
 
     def __init__(self) -> None:
         self._variance = APART**2
@@ -70,11 +70,11 @@ class CommonFall:
             self._ask(one)
         if not self._sent:
             return
-        sent = {tag: told.softened(self._variance) for tag, told in self._sent.items()}
+        sent = {tag: one.softened(self._variance) for tag, one in self._sent.items()}
         for one in learning:
             others = _Told()
-            for tag, told in sent.items():
-                others = others if tag == one.tag_id else others.plus(told)
+            for tag, message in sent.items():
+                others = others if tag == one.tag_id else others.plus(message)
             news = others.minus(self._received.get(one.tag_id, _Told()))
             if abs(news.precision) < 1e-6:
                 continue
@@ -97,6 +97,6 @@ class CommonFall:
         if own.precision <= 0.0:
             return
         own = own.scaled(min(1.0, _MOST / own.precision))
-        told = self._sent.get(belief.tag_id)
-        if told is None or own.precision > _NEWS * told.precision:
+        last = self._sent.get(belief.tag_id)
+        if last is None or own.precision > _NEWS * last.precision:
             self._sent[belief.tag_id] = own

@@ -10,7 +10,7 @@ from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 _J_PER_WH = 3600.0
 _DRIFTS = 0.03
-"""The scale changes so much between two lessons: wind, the battery's voltage."""
+"""Change of the scale between two lessons by wind and the battery's voltage."""
 _CLIMB_M_S, _SINK_M_S = 3.0, 1.5
 
 
@@ -54,22 +54,11 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / _J_PER_WH
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Update with what the battery gave over a stretch for which this model told another.
+        """Update with the energy predicted for a stretch, and used by the battery's readings.
 
-        A lesson that what is believed makes unlikely (a payload that nobody told of) is
-        believed all the same, and makes it less sure: the drone has to come home.
-
-        Parameters
-        ----------
-        predicted_wh, used_wh : float
-            By this model, and by the battery's readings.
-        sigma_wh : float
-            Of the difference of two readings.
-
-        Raises
-        ------
-        ConfigError
-            The readings cannot be.
+        An unlikely lesson (an unknown payload) is believed all the same, and makes the model
+        less sure: the drone has to come home. `sigma_wh` is the error of two readings'
+        difference. Raises `ConfigError`: the readings cannot be.
         """
         if not (predicted_wh > 0.0 and np.isfinite(used_wh) and sigma_wh > 0.0):
             raise ConfigError(
@@ -99,18 +88,9 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to fly home and come down, of a drone that uses more than is believed.
+        """Energy to climb, fly home and come down, at `sigmas` above the believed power.
 
         Infinite against a wind that is too strong.
-
-        Parameters
-        ----------
-        vehicle, state, home_m, wind
-            What flies from where to where, against what.
-        return_height_m : float
-            The autopilot climbs to it first.
-        sigmas : float
-            So much more is used than is believed.
         """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])

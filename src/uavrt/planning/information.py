@@ -1,10 +1,10 @@
 """Predict how much a path would reveal about where the tags are.
 
-The pulses along a way are normal about the level that each hypothesis of the tag expects; what
-they tell of the hypotheses is bounded by the distances between those levels (Kolchinsky and
+The pulses along a way are normal about the level that each hypothesis of the tag expects; their
+information on the hypotheses is bounded by the distances between those levels (Kolchinsky and
 Tracey 2017). A level below the threshold is heard as silence, so it is put at the threshold:
-two hypotheses under which nothing is heard are not told apart. The strength that is yet to be
-learnt is common to all pulses of the way, and takes from their distances what it could explain.
+two hypotheses under which nothing is heard stay equal. The unknown strength is common to all
+pulses of the way, and takes from their distances what it could explain.
 """
 
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ def expected_levels_db(
 ) -> tuple[_Singles, _Singles | float]:
     """(legs, samples, hypotheses) level at which each would be heard along ways.
 
-    And the variance (legs, samples) of what a map of the ground tells of them.
+    And the variance (legs, samples) that a map of the ground leaves.
 
     Those that travel go on at their velocity meanwhile; `walked_m`, east and north of each leg
     and hypothesis (legs, 1, hypotheses), is added.
@@ -115,11 +115,11 @@ def information_nats(
         some = belief.hypotheses(hypotheses)
         own = _pulses(belief.prior, some, legs, listener)
         if others is None:
-            out[number] = _told(belief.prior, some, own)
+            out[number] = _heard_nats(belief.prior, some, own)
             continue
         theirs = _pulses(belief.prior, some, others, listener).as_one()
-        both = _told(belief.prior, some, own.beside(theirs))
-        out[number] = both - _told(belief.prior, some, theirs)
+        both = _heard_nats(belief.prior, some, own.joined(theirs))
+        out[number] = both - _heard_nats(belief.prior, some, theirs)
     return np.maximum(out, 0.0)
 
 
@@ -145,7 +145,7 @@ class _Pulses:
             span_s=self.span_s.max(keepdims=True),
         )
 
-    def beside(self, one: "_Pulses") -> "_Pulses":
+    def joined(self, one: "_Pulses") -> "_Pulses":
         """Each way together with one other."""
         ways, _, hypotheses = self.level_db.shape
         samples = one.level_db.shape[1]
@@ -178,8 +178,8 @@ def _over_the_way(
 ) -> tuple[_Floats, _Floats | float]:
     """What the ground's losses have wrong: (ways,) alike, and (ways, samples) of each pulse.
 
-    A turn in place hears all pulses through the same hills: they still tell where from. On a
-    way the error becomes another one, but slowly: all pulses of a stretch count as one.
+    A turn in place receives all pulses through the same hills, so their direction stays
+    known. On a way the error changes slowly: all pulses of a stretch count as one.
     """
     if isinstance(wrong2, float):
         return np.zeros(len(pulses)), 0.0
@@ -190,7 +190,7 @@ def _over_the_way(
     return alike * wrong2.mean(axis=1), apart2
 
 
-def _told(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
+def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
     """(ways,) information on the place, of pulses that are to be heard."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
@@ -238,7 +238,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
     """(legs, samples) variance that the walk from then to the way's end adds to a level.
 
-    What counts is where the animal is in the end: early pulses tell less of it.
+    What counts is where the animal is in the end: early pulses count less.
     """
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:

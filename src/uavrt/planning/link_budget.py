@@ -27,26 +27,13 @@ Ground = Literal["two-ray", "free"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkBudget:
-    """A tag, a drone and the path between them.
+    """A tag, a drone and the path between them; heights are above the ground.
 
-    Attributes
-    ----------
-    frequency_hz, pulse_width_s : float
-        Of the tag.
-    tag_eirp_dbm : float
-        What the tag radiates, as an isotropic source would.
-    tag_height_m, drone_height_m : float
-        Above the ground.
-    antenna_gain_dbi : float
-        In the direction of the tag.
-    mismatch_db : float
-        Polarization, cables, and an antenna that looks elsewhere.
-    noise_figure_db : float
-        All that receiver, drone and sky add to the thermal noise.
-    ground : {"two-ray", "free"}
-        Whether the ground reflects.
-    drone_noise_db : float
-        What the drone was measured to add in flight.
+    `antenna_gain_dbi`: in the direction of the tag.
+    `mismatch_db`: polarization, cables, and an antenna that looks elsewhere.
+    `noise_figure_db`: all that receiver, drone and sky add to the thermal noise.
+    `ground`: whether the ground reflects.
+    `drone_noise_db`: noise of the drone, as measured in flight.
     """
 
     frequency_hz: float
@@ -82,12 +69,8 @@ class LinkBudget:
     def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
         """ENR [dB] at distances over the ground [m], of the same shape.
 
-        Parameters
-        ----------
-        ground_m : ndarray
-        rise_m : ndarray or float
-            By how much the ground beneath the drone lies higher than that of the tag. The
-            reflected ray goes by the heights above the ground at either end.
+        `rise_m`: by how much the ground beneath the drone lies higher than that of the tag. The
+        reflected ray goes by the heights above the ground at either end.
         """
         above = self.drone_height_m - self.tag_height_m
         slant = np.maximum(np.hypot(ground_m, above + rise_m), 1.0)
@@ -100,12 +83,9 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Distance over the ground [m] up to which an ENR is reached everywhere.
+        """Distance over ground [m], at most 100 km, up to which an ENR is reached everywhere.
 
-        Returns
-        -------
-        float or None
-            None if it is not reached below the drone; at most 100 km.
+        None if it is not reached below the drone.
         """
         places = np.concatenate(([0.0], np.geomspace(1.0, FARTHEST_M, _PLACES)))
         short = np.flatnonzero(self.enr_db(places) < needed_db)

@@ -27,14 +27,7 @@ class GroundReflection:
     _tables: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def gain_db(self, ground_m: _Floats, height_m: float) -> _Floats:
-        """Gain [dB] of both rays over the straight one, by the distance over ground.
-
-        Parameters
-        ----------
-        ground_m : array
-        height_m : float
-            Of the drone above the tag.
-        """
+        """Gain [dB] of both rays over the straight one; height: of the drone above the tag."""
         drone_m = height_m + self.tag_height_m
         straight = np.hypot(ground_m, height_m)
         mirrored = np.hypot(ground_m, drone_m + self.tag_height_m)

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
 from uavrt.localization.position.level_belief import Listening
@@ -12,13 +11,11 @@ from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.planning.actions import FlyTo, Return
 from uavrt.planning.area import check_reach
 from uavrt.planning.beliefs import Beliefs
-from uavrt.planning.beside import Beside
 from uavrt.planning.common_fall import CommonFall
 from uavrt.planning.energy import Battery, EnergyModel
+from uavrt.planning.other_drones import OtherDrones
 from uavrt.planning.situation import Decision, Planner, SearchSettings, Situation
 from uavrt.planning.vehicle import VehicleState, Wind, flown, headwind
-
-_Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,16 +28,7 @@ class Found:
 
 
 class Search:
-    """Beliefs, planner, stop rule and the way home in one.
-
-    Parameters
-    ----------
-    settings : SearchSettings
-    beliefs : Beliefs
-    planner : Planner
-    rng : Generator
-        Randomness of the planner.
-    """
+    """Beliefs, planner with its random numbers, stop rule and the way home in one."""
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -54,11 +42,8 @@ class Search:
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
         """Refuse what cannot be flown, before anything moves.
 
-        Raises
-        ------
-        PlanError
-            A tag without any strength, a start outside the fence or the heights, or an area
-            beyond the battery's reach.
+        Raises `PlanError`: a tag without any strength, a start outside the fence or the
+        heights, or an area beyond the battery's reach.
         """
         for belief in self.beliefs.values():
             prior = belief.prior
@@ -87,14 +72,6 @@ class Search:
         belief.advance_to(time_s)
         belief.listen(heard)
 
-    def take_bearing(
-        self, tag_id: int, time_s: float, east_m: float, north_m: float, posterior: _Floats
-    ) -> None:
-        """Update with a rotation's whole posterior; its pulses must not count as well."""
-        belief = self.beliefs[tag_id]
-        belief.advance_to(time_s)
-        belief.take_bearing(east_m, north_m, posterior)
-
     def judge(self, time_s: float) -> list[int]:
         """Tags that have just been found."""
         new = []
@@ -120,13 +97,13 @@ class Search:
         *,
         wind: Wind | None = None,
         battery: Battery | None = None,
-        beside: Beside | None = None,
+        others: OtherDrones | None = None,
     ) -> Decision:
         """What to do now: home when it is time, else what the planner says."""
         self._fall.share(self.beliefs.values())
         decision = self._home(state, wind, battery)
         if decision is None:
-            situation = self.situation(state, wind or Wind(), beside)
+            situation = self.situation(state, wind or Wind(), others)
             decision = self._planner.decide(situation)
             decision = self._affordable(decision, situation, wind, battery) or decision
         self.decisions.append((state.time_s, decision))
@@ -148,9 +125,9 @@ class Search:
         return 1.0 - float(kept.min())
 
     def situation(
-        self, state: VehicleState, wind: Wind, beside: Beside | None = None
+        self, state: VehicleState, wind: Wind, others: OtherDrones | None = None
     ) -> Situation:
-        """What the planner is told."""
+        """Input of the planner."""
         return Situation.of(
             self.settings,
             state=state,
@@ -158,13 +135,13 @@ class Search:
             found=frozenset(self.found),
             rng=self._rng,
             wind=wind,
-            beside=beside,
+            others=others,
         )
 
     def _way_home_wh(
         self, energy: EnergyModel, state: VehicleState, wind: Wind | None
     ) -> float:
-        """Against the wind that is told, or else the worst."""
+        """Energy against the reported wind, or else the worst."""
         settings, home_m = self.settings, self.settings.area.home_m
         air = headwind(state, home_m, settings.worst_wind_m_s) if wind is None else wind
         return energy.way_home_wh(
@@ -220,6 +197,6 @@ class Search:
         )
 
     def know_energy(self, energy: EnergyModel) -> None:
-        """Reckon with what the battery has taught from now on."""
+        """Use what the battery has taught from now on."""
         if self.settings.energy is not None:
             self.settings = replace(self.settings, energy=energy)

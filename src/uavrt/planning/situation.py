@@ -9,10 +9,10 @@ from numpy.random import Generator
 from uavrt.planning.actions import Action
 from uavrt.planning.area import SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.beside import Beside
 from uavrt.planning.energy import EnergyModel
 from uavrt.planning.information import Listener
 from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.other_drones import OtherDrones
 from uavrt.planning.stopping import StopRule
 from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
@@ -51,7 +51,7 @@ class Situation(SearchSettings):
     """Tags that need no more searching."""
     rng: Generator
     wind: Wind = field(default_factory=Wind)
-    beside: Beside | None = None
+    others: OtherDrones | None = None
     """Other drones of the same search."""
 
     @classmethod
@@ -63,7 +63,7 @@ class Situation(SearchSettings):
     @property
     def wanted(self) -> list[TagBelief]:
         """Tags that are still to be found, and are not left to others."""
-        left = frozenset() if self.beside is None else self.beside.left
+        left = frozenset() if self.others is None else self.others.left
         return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found | left]
 
     @property

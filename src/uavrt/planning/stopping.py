@@ -18,7 +18,7 @@ class Verdict:
 
 
 class StopRule(Protocol):
-    """Tells a found tag from one that is to be searched for."""
+    """Decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
         """Judge a tag."""
@@ -29,15 +29,7 @@ class StopRule(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HonestStop:
-    """The 95 % circle is as small as wished, the tag exists, and the model holds.
-
-    Parameters
-    ----------
-    radius95_m : float
-        The wish.
-    bayes_factor : float
-        Evidence of existence.
-    """
+    """The 95 % circle is as small as wished, the tag exists, and the model holds."""
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0

@@ -1,7 +1,7 @@
 """The autopilot's own fence, read over its link for the guide. No I/O.
 
-It is read when the autopilot is found and every half minute while nothing is flown: somebody
-may draw another one.
+It is read when the autopilot is found and, as it may change, every half minute while nothing is
+flown.
 """
 
 from collections import Counter
@@ -26,17 +26,17 @@ class FenceWatch:
     """The state of the watch.
 
     `send`: sends a message to the autopilot.
-    `tell`: takes what was read.
+    `report`: takes what was read.
     `place`: our own system and component id; the autopilot's system is the same.
     """
 
     def __init__(
         self,
         send: Callable[[Message], None],
-        tell: Callable[[VehicleFence], None],
+        report: Callable[[VehicleFence], None],
         place: Callable[[], tuple[int, int]],
     ) -> None:
-        self._send, self._tell, self._place = send, tell, place
+        self._send, self._report, self._place = send, report, place
         self._download: MissionDownload | None = None
         self._next_s = -inf
         self._known: VehicleFence | None = None
@@ -65,10 +65,10 @@ class FenceWatch:
             self._send_all(self._download.due(now_s))
             self._end(self._download)
 
-    def tell_again(self) -> None:
+    def repeat(self) -> None:
         """Repeat what was read: the guide is a new one."""
         if self._known is not None:
-            self._tell(self._known)
+            self._report(self._known)
 
     def counters(self) -> dict[str, float]:
         """What was read and asked for again, for a health record."""
@@ -96,7 +96,7 @@ class FenceWatch:
                 fault=fence.fault,
             )
         self._known = fence
-        self._tell(fence)
+        self._report(fence)
 
     def _send_all(self, messages: list[Message]) -> None:
         for message in messages:

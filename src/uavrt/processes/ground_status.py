@@ -74,7 +74,7 @@ class GroundStatus:
         self._state: SystemState | None = None
         """State in the last heartbeat."""
         self._tags = 1
-        self.shift_ns = 0
+        self._shift_ns = 0
         """From the clock of our timers to that of the flight."""
         self._busy = _busy_ticks()
 
@@ -101,8 +101,13 @@ class GroundStatus:
         if self._due("computer", COMPUTER_NS, now_ns):
             self._tell_computer()
 
+    def begin_flight(self, shift_ns: int) -> None:
+        """Report in the time of a new flight, and forget what beeped in the one before."""
+        self._shift_ns = shift_ns
+        self._beeps.clear()
+
     def forget_beeps(self) -> None:
-        """Forget what beeps: it is another flight, or the list is another."""
+        """Forget what beeps: the list of tags is another."""
         self._beeps.clear()
 
     def radio_set(self, radio: RadioSettings) -> None:
@@ -166,7 +171,7 @@ class GroundStatus:
         """A tag's detector has said something."""
         period_ns = max(ALIVE_NS, ALIVE_PER_TAG_NS * self._tags)
         if self._due(f"alive {tag_id}", period_ns, now_ns):
-            self._send(self._exchange.detector_heartbeat(tag_id, now_ns + self.shift_ns))
+            self._send(self._exchange.detector_heartbeat(tag_id, now_ns + self._shift_ns))
 
     def _due(self, name: str, period_ns: int, now_ns: int) -> bool:
         if now_ns < self._next_ns.get(name, 0):

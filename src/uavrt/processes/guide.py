@@ -1,6 +1,6 @@
 """The guide process: makes plans of orders, offers them, and flies what was confirmed.
 
-It wishes; the connection process decides, beside the messages that show a takeover. A guide
+It wishes; the connection process, which receives the signs of a takeover, decides. A guide
 that has died is followed by one that knows of no order: nothing goes on unconfirmed.
 """
 
@@ -19,7 +19,6 @@ from uavrt.errors import ConfigError, PlanError, UavrtError
 from uavrt.foreign import SHAPES, read_file
 from uavrt.geodesy import distance_m
 from uavrt.guidance.area_text import keep_out_in
-from uavrt.guidance.company import Company
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.manners import manners_of
@@ -28,7 +27,9 @@ from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
-from uavrt.guidance.seeker import TAG_HEIGHT_M, Choice, Equipment, Seeker
+from uavrt.guidance.search_task import TAG_HEIGHT_M, Equipment
+from uavrt.guidance.seeker import Choice, Seeker
+from uavrt.guidance.shared_search import SharedSearch
 from uavrt.heap import heap_of_short_arrays
 from uavrt.ipc.process import ProcessFrame
 from uavrt.localization.antenna import MONOPOLE, pattern_named
@@ -58,29 +59,25 @@ if TYPE_CHECKING:
 log = get_logger()
 
 Found = TypeVar("Found")
-Beside = Callable[[Callable[[], None]], None]
+InBackground = Callable[[Callable[[], None]], None]
 """Starts work that may take seconds, and returns at once."""
 
 TICK_S = 0.05
 ALIVE_S = 0.5
 COURSE_S, ASKING_S = 1.0, 0.4
-"""Between two words on ourselves, and while a way is asked for."""
+"""Between two reports of our course, and while a way is asked for."""
 MOST_ASKS = 8
 """Orders that wait to be planned."""
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:
-    """What the settings allow.
-
-    Raises `ConfigError`, `FormatError`: the file of places to keep out of cannot be read, or
-    holds none.
-    """
+    """What the settings allow; raises `ConfigError`, `FormatError` as `keep_out_of`."""
     own = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return Limits(**own, keep_out=keep_out_of(settings))
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
-    """The ground around home; raises `FormatError` or `PlanError` where it cannot be told."""
+    """The ground around home; raises `FormatError` or `PlanError` if unknown."""
     if settings.terrain is None:
         return None
     from uavrt.terrain.elevation_files import open_elevation
@@ -91,10 +88,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Limits, and the vehicle's own fence where it is known.
-
-    Raises `PlanError`: it is none that can be kept to.
-    """
+    """Limits with the vehicle's own fence, if known; raises `PlanError` for an unusable one."""
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -116,7 +110,7 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
 
 def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
-    """People and buildings; raises as `limits_of`."""
+    """People and buildings; raises `ConfigError`, `FormatError` if the file is unusable."""
     name = settings.keep_out_file
     if name is None:
         return ()
@@ -131,10 +125,7 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
 
 
 def equipment_of(settings: Settings) -> Equipment:
-    """What the settings say of antenna, detectors and planner.
-
-    Raises `UsageError`: there is no such antenna.
-    """
+    """Antenna, detectors and planner of the settings; raises `UsageError`: unknown antenna."""
     antenna = settings.bearings.antenna
     return Equipment(
         pattern=None if antenna == MONOPOLE else pattern_named(antenna),
@@ -177,17 +168,17 @@ class _Planned:
 
 
 class _Planning:
-    """Makes a plan beside the guide's own work.
+    """Makes a plan while the guide goes on.
 
     Files of heights take seconds to read, and a guide that is silent for that long ends the
     order that is being flown.
     """
 
-    def __init__(self, asked: _Asked, beside: Beside) -> None:
+    def __init__(self, asked: _Asked, in_background: InBackground) -> None:
         self.asked = asked
         self.found: _Planned | str | None = None
         """A plan, or why there is none."""
-        beside(self._run)
+        in_background(self._run)
 
     def _run(self) -> None:
         self.found = _tried(lambda: _plan(self.asked))
@@ -238,18 +229,18 @@ class Guide:
     """The state of the process; see the module's text.
 
     `frame`: its link to the supervisor.
-    `beside`: starts the planning of an order.
+    `in_background`: starts the planning of an order.
     `thinker`: makes what runs a search.
     """
 
     def __init__(
         self,
         frame: ProcessFrame,
-        beside: Beside = in_thread,
+        in_background: InBackground = in_thread,
         thinker: Callable[[Seeker], Thinker] = Thinker,
     ) -> None:
         self._frame = frame
-        self._beside, self._make_thinker = beside, thinker
+        self._in_background, self._make_thinker = in_background, thinker
         guidance = frame.assignment.settings.guidance
         self._lessons = Lessons(guidance.hover_w, guidance.battery_wh)
         """Of all orders: what flying takes."""
@@ -267,7 +258,7 @@ class Guide:
         flight = frame.assignment.flight
         self._tags: tuple[Tag, ...] = () if flight is None else flight.tags
         self._alive_s = self._course_s = 0.0
-        self._company = Company(secrets.randbits(16))
+        self._shared = SharedSearch(secrets.randbits(16))
         self.offers = self.flown = self.decisions = self.ways_not_given = 0
         frame.send("wish", VehicleWish(order_id=None, ends=True))
 
@@ -282,7 +273,7 @@ class Guide:
             case MotionRequest():
                 self._offer(record)
             case Neighbour():
-                self._company.take(record, monotonic_s())
+                self._shared.take(record, monotonic_s())
             case FlightInfo():
                 self._tags = record.tags if topic == "flight" else ()
             case PulsePose() if self._thinker is not None:
@@ -308,7 +299,7 @@ class Guide:
             if isinstance(asked, str):
                 self._send_offer(request, order.order_id, asked, "", refused=True)
             else:
-                self._planning = _Planning(asked, self._beside)
+                self._planning = _Planning(asked, self._in_background)
 
     def _asked(self, request: MotionRequest, order: Order) -> _Asked:
         """Refuse what needs no plan to be refused."""
@@ -324,7 +315,7 @@ class Guide:
         if now is None:
             raise UavrtError("the vehicle has no position or no home", remedy="Wait for it")
         if order.action == "search":
-            self._company.check(now, _height_m(order, now))
+            self._shared.check(now, _height_m(order, now))
         return _Asked(
             request=request,
             order=order,
@@ -380,7 +371,7 @@ class Guide:
         now = self._now(vehicle, now_s)
         self._wish(vehicle, now, now_s)
         if now is not None:
-            self._tell_course(now, now_s)
+            self._report_course(now, now_s)
 
     def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
         """What is seen of the vehicle, with what its battery has taught."""
@@ -404,7 +395,7 @@ class Guide:
         if self._thinker is not None:
             said = pilot.said
         if now is not None and (isinstance(wish, GoHome) or pilot.returning):
-            self._company.go(now.home, returning=True)
+            self._shared.go(now.home, returning=True)
         if wish is not None:
             self._frame.send(
                 "wish", VehicleWish(order_id=pilot.order.order_id, wish=wish, said=said)
@@ -446,37 +437,35 @@ class Guide:
                 "home was moved while the order was planned", remedy="Ask for the motion again"
             )
         pilot, seeker = offered.pilot, offered.seeker
-        self._company.begin(now.time_s)
+        self._shared.begin(now.time_s)
         if seeker is not None:
-            self._company.check(now, _height_m(pilot.order, now))
+            self._shared.check(now, _height_m(pilot.order, now))
             seeker.check(now)
             return pilot
         plan = plan_of(pilot.order, now, offered.limits, manners_of(vehicle.autopilot))
         return Pilot(pilot.order, plan, offered.limits)
 
-    def _tell_course(self, now: VehicleNow, now_s: float) -> None:
-        """Say where it is going, while there is somebody who tells others."""
-        company, pilot = self._company, self._pilot
-        every_s = ASKING_S if company.waits else COURSE_S
-        if not company.speaks(now_s) or now_s - self._course_s < every_s:
+    def _report_course(self, now: VehicleNow, now_s: float) -> None:
+        """Report where it is going, while a ground station passes it on."""
+        shared, pilot = self._shared, self._pilot
+        every_s = ASKING_S if shared.waits else COURSE_S
+        if not shared.speaks(now_s) or now_s - self._course_s < every_s:
             return
         self._course_s = now_s
         height, searching = None, self._thinker is not None and pilot is not None
         if pilot is not None and searching:
             height = _height_m(pilot.order, now)
-        course = company.course(now, searching=searching, height_m=height)
+        course = shared.course(now, searching=searching, height_m=height)
         self._frame.send("course", course)
 
     def _end(self, order_id: int, reason: str) -> None:
         log.info("order ended", order=order_id, reason=reason)
         self._frame.send("wish", VehicleWish(order_id=order_id, ends=True, said=reason))
 
-    # ------------------------------------------------------------------ a search
-
     def _search(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
-        """Tell the search where the drone is, and take what it has decided."""
+        """Give the search the drone's place, and take what it has decided."""
         time_ns = self._frame.clock.now_ns()
-        pilot.among = self._company.has_others(now.time_s)
+        pilot.among = self._shared.has_others(now.time_s)
         thinker.place(time_ns, now)
         for thought in thinker.thoughts():
             match thought:
@@ -484,16 +473,16 @@ class Guide:
                     self._choose(thought, pilot, now)
                 case Failed():
                     pilot.give_up(thought.reason)
-        company = self._company
-        if company.waits:
+        shared = self._shared
+        if shared.waits:
             self._await_way(thinker, pilot, now)
         elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
-            others = company.thinks(now.time_s)
+            others = shared.thinks(now.time_s)
             thinker.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
         """Fly what was chosen; a way among others only when it was given."""
-        if choice.steps is None or choice.way is None or self._company.choose(choice, now):
+        if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
             self._take_up(choice, choice.notes, pilot, now)
             return
         self._note([note for note in choice.notes if note.event != "decision"])
@@ -501,7 +490,7 @@ class Guide:
 
     def _await_way(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
         """Fly the way that was asked for when it is given; go on as before if it is not."""
-        answer = self._company.answer(now)
+        answer = self._shared.answer(now)
         if answer is None:
             return
         choice, given = answer
@@ -522,7 +511,7 @@ class Guide:
             pilot.redirect(choice.steps, now)
 
     def _note(self, notes: Sequence[SearchNote]) -> None:
-        """Record what was decided; the operator is told of what was found, and of the ends."""
+        """Record what was decided; report finds and ends to the operator."""
         for note in notes:
             self.decisions += note.event == "decision"
             self._frame.send("search_note", note)
@@ -533,7 +522,7 @@ class Guide:
     def _end_search(self, now: VehicleNow | None, reason: str) -> None:
         """Let the search sum up; whatever it still thinks moves nothing."""
         thinker, self._thinker = self._thinker, None
-        self._company.end()
+        self._shared.end()
         if thinker is None:
             return
         if now is not None:
@@ -567,12 +556,12 @@ class Guide:
             "ways_not_given": self.ways_not_given,
             "lessons_of_power": self._lessons.learnt,
             "hover_w": round(self._lessons.energy.power_w(0.0)),
-            "others_told": len(self._company.others(monotonic_s())),
+            "others_told": len(self._shared.others(monotonic_s())),
         }
 
 
 def main() -> None:
-    """Guide until told to stop."""
+    """Guide until the supervisor ends the process."""
     heap_of_short_arrays()
     with ProcessFrame.start() as frame:
         guide = Guide(frame)

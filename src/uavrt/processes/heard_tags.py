@@ -49,7 +49,7 @@ class HeardTags:
         self._last_ns[tag_id] = max(pulse.end_time_ns, last_ns or 0)
         return self._words(pulse) if tag_id in self._due else None
 
-    def told(self, tag_id: int) -> None:
+    def reported(self, tag_id: int) -> None:
         """Note that the text was sent."""
         self._due.pop(tag_id, None)
 

@@ -3,7 +3,7 @@
 The samples come from the autopilot over the link, or from the station itself (`own_pose`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ class PoseDesk:
         self._clock, self._record, self._say = clock, record, say
         self.shift_ns = 0
         """The flight's clock less ours."""
-        self.clock_is_stale = False
+        self._clock_is_stale = False
         """The autopilot's clock is carried on: poses are marked so."""
         self._ring = PoseRing(settings.antenna)
         self._own: OwnPose | None = None
@@ -104,7 +104,17 @@ class PoseDesk:
         if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
             self._ring.clear()
 
-    # ---------------------------------------------------------------- samples
+    def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
+        """Report when the autopilot no longer says what its clock shows, and when it does."""
+        if stale == self._clock_is_stale:
+            return
+        self._clock_is_stale = stale
+        if stale:
+            log.warning("autopilot's clock is carried on", **counters())
+            text = "Autopilot's clock: no answer for 10 s, times are carried on"
+            self._say(StatusText(severity=4, text=text))
+        else:
+            log.info("autopilot's clock known", **counters())
 
     def attitude(self, sample: AttitudeSample) -> None:
         """Take an attitude, timed by our clock."""
@@ -126,8 +136,6 @@ class PoseDesk:
         if len(self._poses) * self._period_ns >= RECORD_NS:
             self._record(Poses(poses=tuple(self._poses)))
             self._poses.clear()
-
-    # ----------------------------------------------------------------- pulses
 
     @property
     def pulses_waiting(self) -> int:
@@ -154,12 +162,10 @@ class PoseDesk:
 
     def _by_the_clock(self, pose: Pose) -> Pose:
         """Mark a pose whose time is carried on."""
-        if not self.clock_is_stale or pose.extrapolated:
+        if not self._clock_is_stale or pose.extrapolated:
             return pose
         self._on_stale_clock += 1
         return replace(pose, extrapolated=True)
-
-    # -------------------------------------------------------------- own pose
 
     def missing(self) -> str | None:
         """Get what a station's own pose lacks; report it when that changes."""

@@ -88,8 +88,6 @@ class Recorder:
         self._poses_made_up = self._without_pose = self._untold = 0
         self._tell_at_s = self._look_at_s = 0.0
 
-    # ------------------------------------------------------------------ flights
-
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
         root = Path(info.directory)
@@ -153,8 +151,6 @@ class Recorder:
             log.warning("ended flight not completed", reason=str(error))
         finally:
             lock.release()
-
-    # ------------------------------------------------------------------ records
 
     def turn(self, records: list[tuple[str, object]]) -> None:
         """Write records; commit when it is time."""
@@ -253,8 +249,6 @@ class Recorder:
             self._unsaid.extend(one.pulse.key for one in pulse_poses)
             self._times.pulses_wait(monotonic_s())
 
-    # ------------------------------------------------------- poses that never come
-
     def _look_for_missing_poses(self) -> None:
         """Take up pulses that were recorded without a word on their pose."""
         if self._flight is None:
@@ -304,8 +298,6 @@ class Recorder:
             f"Poses lost on the way: {self._poses_made_up} made up from recorded ones, "
             f"{self._without_pose} pulses without",
         )
-
-    # ------------------------------------------------------------------ committing
 
     def _commit(self, *, pulses_only: bool = False) -> bool:
         """Make what was written safe; a full disk is reported, never fatal."""

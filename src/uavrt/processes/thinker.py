@@ -1,7 +1,7 @@
 """A search that thinks in a thread of its own: no decision keeps the guide from its work.
 
 The guide must show that it lives and look at the battery while the planner weighs its ways; the
-search's beliefs belong to the thread alone, all that it is told waits in one queue.
+search's beliefs belong to the thread alone, all its input waits in one queue.
 """
 
 import queue

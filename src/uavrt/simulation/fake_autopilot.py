@@ -34,6 +34,7 @@ from uavrt.simulation.flown import ASKED_IDS, FLOWN_IDS, SLOWEST_NS, Flown
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
 from uavrt.simulation.mission_store import MissionStore
 from uavrt.simulation.telemetry import default_intervals_ns, telemetry_message
+from uavrt.simulation.vehicle_telemetry import home_message
 from uavrt.units import ns_from_s, s_from_ns
 
 log = get_logger()
@@ -421,7 +422,7 @@ class FakeAutopilot:
         if self.flown is not None and message_id == dialect.SysStatus.ID:
             return self.flown.status()
         if self.flown is not None:
-            return self.flown.vehicle.home()
+            return home_message(self.flown.vehicle)
         home = self._vehicle(self._booted_ns)
         return dialect.HomePosition(
             latitude=round(home.latitude_deg * 1e7),

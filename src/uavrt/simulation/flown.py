@@ -10,6 +10,13 @@ from uavrt.messages import Pose
 from uavrt.simulation.flown_path import PathWriter
 from uavrt.simulation.flying import FlyingVehicle
 from uavrt.simulation.geometry import TangentPlane
+from uavrt.simulation.vehicle_telemetry import (
+    home_message,
+    landed_message,
+    position_message,
+    target_message,
+    wind_message,
+)
 from uavrt.units import ns_from_s, s_from_ns
 
 Flavour = Literal["px4", "ardupilot"]
@@ -85,7 +92,7 @@ class Flown:
         while self._time_ns + STEP_NS <= now_ns:
             self._time_ns += STEP_NS
             self.vehicle.advance(s_from_ns(STEP_NS))
-            gone.append((self.pose(self._time_ns), self.vehicle.yaw_deg))
+            gone.append((self.pose(self._time_ns), self.vehicle.heading.yaw_deg))
         if self._writer is not None and gone:
             self._writer.add(gone)
         return changed
@@ -94,34 +101,34 @@ class Flown:
         """Pose of the newest step, with the time asked for."""
         vehicle = self.vehicle
         latitude, longitude = vehicle.latitude_longitude()
-        height = vehicle.shown_height_m
+        height = vehicle.body.shown_height_m
         return Pose(
             time_ns=time_ns,
             latitude_deg=latitude,
             longitude_deg=longitude,
             altitude_amsl_m=vehicle.plane.altitude_amsl_m + height,
-            altitude_relative_m=height - vehicle.home_up_m,
-            quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
+            altitude_relative_m=height - vehicle.ground.home_up_m,
+            quaternion_wxyz=from_euler_deg(vehicle.heading.yaw_deg, 0.0, 0.0),
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Write one message; None where there is nothing to tell."""
+        """Write one message; None where there is nothing to report."""
         match message_id:
             case dialect.GlobalPositionInt.ID:
-                return self.vehicle.position(boot_ms)
+                return position_message(self.vehicle, boot_ms)
             case dialect.PositionTargetGlobalInt.ID:
-                return self.vehicle.position_target(boot_ms & 0xFFFFFFFF)
+                return target_message(self.vehicle, boot_ms & 0xFFFFFFFF)
             case dialect.HomePosition.ID:
-                return self.vehicle.home()
+                return home_message(self.vehicle)
             case dialect.CurrentMode.ID:
                 mode = self.vehicle.mode
                 return dialect.CurrentMode(custom_mode=mode, intended_custom_mode=mode)
             case dialect.RcChannels.ID:
                 return self._sticks(boot_ms)
             case dialect.ExtendedSysState.ID:
-                return self.vehicle.landed_state()
+                return landed_message(self.vehicle)
             case dialect.Wind.ID | dialect.WindCov.ID:
-                return self.vehicle.wind(boot_ms)
+                return wind_message(self.vehicle, boot_ms)
         return self.status()
 
     def _sticks(self, boot_ms: int) -> dialect.RcChannels | None:
@@ -139,5 +146,5 @@ class Flown:
             load=300,
             voltage_battery=16_200,
             current_battery=-1,
-            battery_remaining=round(self.vehicle.battery_percent),
+            battery_remaining=round(self.vehicle.body.battery_percent),
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import LinkError, UsageError
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 
 PX4_BUILD = Path("build/px4_sitl_default")
 PX4_GROUND_PORT, PX4_COMPANION_PORT, PX4_SENDS_TO = 18_570, 14_580, 14_540

@@ -20,7 +20,8 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.samples import attitude_sample
 from uavrt.mavlink.vehicle_messages import command_message
-from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOWHERE, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOWHERE
 from uavrt_experiments.autopilots.tap import Kept, Tap
 
 GROUND_STATION = (255, 190)

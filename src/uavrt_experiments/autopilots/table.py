@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 from uavrt_experiments.statistics import rms
 from uavrt_experiments.tables import markdown, number
 

@@ -11,7 +11,8 @@ from uavrt.guidance.observed import FailsafeSeen
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import observations
-from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.hand import CENTRED_US, FORCED, Hand
 from uavrt_experiments.autopilots.scene import RunningScene as Scene

@@ -1,4 +1,4 @@
-"""Search flights with the guide's own `Seeker`, `Pilot` and `Company` on simulated autopilots.
+"""Search flights by the guide's parts (`Seeker`, `Pilot`, `SharedSearch`) on simulated drones.
 
 The drone's own objects decide, with the arguments that the guide gives them. A table adds what
 is known of its animals before the flight. One drone flies alone; several share their ways
@@ -15,12 +15,13 @@ import numpy as np
 
 from uavrt.attitude import from_euler_deg
 from uavrt.ground.link.given_ways import GivenWays
-from uavrt.guidance.company import Company
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.neighbours import SEPARATION
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
-from uavrt.guidance.seeker import Choice, Equipment, Seeker
+from uavrt.guidance.search_task import Equipment
+from uavrt.guidance.seeker import Choice, Seeker
+from uavrt.guidance.shared_search import SharedSearch
 from uavrt.guidance.wishes import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
@@ -37,7 +38,8 @@ from uavrt.messages import (
 from uavrt.planning.vehicle import VehicleState
 from uavrt.processes.guide import ASKING_S, COURSE_S
 from uavrt.processes.thinker import Thinker
-from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES, FlyingVehicle
 from uavrt.simulation.geometry import TangentPlane
 from uavrt.units import ns_from_s, wrap_degrees_360
 from uavrt_experiments.search.bounds import LeastErrors
@@ -123,10 +125,10 @@ class Direct:
             time_s=self.time_s,
             latitude_deg=latitude,
             longitude_deg=longitude,
-            altitude_amsl_m=plane.altitude_amsl_m + vehicle.shown_height_m,
-            altitude_relative_m=vehicle.shown_height_m,
-            speed_m_s=math.hypot(*vehicle.velocity_m_s[:2]),
-            yaw_deg=vehicle.yaw_deg,
+            altitude_amsl_m=plane.altitude_amsl_m + vehicle.body.shown_height_m,
+            altitude_relative_m=vehicle.body.shown_height_m,
+            speed_m_s=math.hypot(*vehicle.body.velocity_m_s[:2]),
+            yaw_deg=vehicle.heading.yaw_deg,
             home=(plane.latitude_deg, plane.longitude_deg),
             battery_percent=100.0,
             order_id=None if self.pilot is None else self.pilot.order.order_id,
@@ -142,7 +144,7 @@ class Direct:
         """See `Aircraft`."""
         self.time_s += STEP_S
         self.vehicle.advance(STEP_S)
-        self._turned_deg += abs(self.vehicle.yaw_rate_deg_s) * STEP_S
+        self._turned_deg += abs(self.vehicle.heading.rate_deg_s) * STEP_S
         wish = None if self.pilot is None else self.pilot.next(self.now())
         if wish is not None:
             self._sent, self._turned_deg = self._sent + 1, 0.0
@@ -241,7 +243,7 @@ class Drone:
     ) -> None:
         self.number, self.aircraft, self._order, self._tags = number, aircraft, order, tags
         self._limits, self._equipment = limits, equipment
-        self.company = Company(1000 * (number + 1))
+        self.shared = SharedSearch(1000 * (number + 1))
         self.found: dict[int, tuple[float, float, float]] = {}
         """Latitude, longitude and 95 % radius of tags found since the last look."""
         self.decision_s: list[float] = []
@@ -253,13 +255,13 @@ class Drone:
     def state(self) -> VehicleState:
         """Where it is."""
         vehicle = self.aircraft.vehicle
-        north, east = vehicle.place_m
+        north, east = vehicle.body.place_m
         return VehicleState(
             time_s=self.aircraft.time_s,
             east_m=east,
             north_m=north,
-            height_m=vehicle.shown_height_m,
-            yaw_deg=vehicle.yaw_deg,
+            height_m=vehicle.body.shown_height_m,
+            yaw_deg=vehicle.heading.yaw_deg,
         )
 
     @property
@@ -271,8 +273,8 @@ class Drone:
         """Give the order, and confirm it."""
         now, order = self.aircraft.now(), self._order
         assert now is not None
-        self.company.begin(now.time_s)
-        self.company.check(now, order.height_m or now.altitude_relative_m)
+        self.shared.begin(now.time_s)
+        self.shared.check(now, order.height_m or now.altitude_relative_m)
         manners = MANNERS[self.aircraft.vehicle.flavour]
         seeker = Seeker(order, self._tags, now, self._limits, manners, self._equipment)
         self.aircraft.confirm(order)
@@ -281,7 +283,7 @@ class Drone:
         self._thinker = _AtOnce(seeker)
         self._thinker.begin(self.time_ns, now)
         self._take_thoughts(now)
-        self.company.go((now.latitude_deg, now.longitude_deg))
+        self.shared.go((now.latitude_deg, now.longitude_deg))
 
     def hear(self, tag: Tag, snr_db: float | None) -> None:
         """Take a pulse, or that the detector searched and found none."""
@@ -293,9 +295,9 @@ class Drone:
                 time_ns=time_ns,
                 latitude_deg=latitude,
                 longitude_deg=longitude,
-                altitude_amsl_m=vehicle.plane.altitude_amsl_m + vehicle.shown_height_m,
-                altitude_relative_m=vehicle.shown_height_m,
-                quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
+                altitude_amsl_m=vehicle.plane.altitude_amsl_m + vehicle.body.shown_height_m,
+                altitude_relative_m=vehicle.body.shown_height_m,
+                quaternion_wxyz=from_euler_deg(vehicle.heading.yaw_deg, 0.0, 0.0),
             )
             self._thinker.pulse(PulsePose(pulse=_pulse(tag, time_ns, snr_db), pose=pose))
         self._thinker.searched(
@@ -313,12 +315,12 @@ class Drone:
         now, thinker, pilot = self.aircraft.now(), self._thinker, self._pilot
         if now is None or thinker is None or pilot is None:
             return
-        pilot.among = self.company.has_others(now.time_s)
+        pilot.among = self.shared.has_others(now.time_s)
         thinker.place(self.time_ns, now)
-        if self.company.waits:
+        if self.shared.waits:
             self._await_way(thinker, now)
         elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
-            others, began = self.company.thinks(now.time_s), time.process_time()
+            others, began = self.shared.thinks(now.time_s), time.process_time()
             thinker.ask(self.time_ns, now, idle=pilot.idle, others=others)
             self.decision_s.append(time.process_time() - began)
             self._take_thoughts(now)
@@ -329,13 +331,13 @@ class Drone:
             if not isinstance(choice, Choice):
                 raise TypeError(f"the search failed: {choice}")
             self._note_found(choice)
-            if choice.way is None or self.company.choose(choice, now):
+            if choice.way is None or self.shared.choose(choice, now):
                 self._redirect(choice, now)
             else:
                 self._course_s = -math.inf
 
     def _await_way(self, thinker: _AtOnce, now: VehicleNow) -> None:
-        answer = self.company.answer(now)
+        answer = self.shared.answer(now)
         if answer is None:
             return
         choice, given = answer
@@ -359,15 +361,15 @@ class Drone:
 
     def tell(self, ways: GivenWays) -> bool:
         """Send the drone's course to the station when due; True if others need it now."""
-        now, company = self.aircraft.now(), self.company
-        if now is None or not company.speaks(now.time_s):
+        now, shared = self.aircraft.now(), self.shared
+        if now is None or not shared.speaks(now.time_s):
             return False
-        every_s = ASKING_S if company.waits else COURSE_S
+        every_s = ASKING_S if shared.waits else COURSE_S
         if now.time_s - self._course_s < every_s:
             return False
         self._course_s = now.time_s
         searching = self._thinker is not None
-        course = company.course(now, searching=searching, height_m=self._order.height_m)
+        course = shared.course(now, searching=searching, height_m=self._order.height_m)
         return ways.take(self.number + 1, course, now.time_s)
 
 
@@ -507,7 +509,7 @@ class FlightOfDrones:
             self._told_s = time_s
             for one in self.drones:
                 for told in self._ways.told_to(one.number + 1, time_s):
-                    one.company.take(told, time_s)
+                    one.shared.take(told, time_s)
 
     def _pass_second(self) -> None:
         self.second += 1

@@ -11,7 +11,7 @@ from some import some
 from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
 
 from uavrt.guidance.area_text import circle
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 
 pytestmark = pytest.mark.timeout(240)
 Field = Callable[[Flavour], MovedPage]

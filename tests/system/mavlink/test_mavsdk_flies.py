@@ -19,8 +19,9 @@ from uavrt.guidance.plan_file import survey_file
 from uavrt.guidance.plans import survey_places
 from uavrt.mavlink.mission_transfer import MissionUpload
 from uavrt.messages import KeepOut, VehicleFence
+from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.flying import MODES
 
 FENCE = VehicleFence(
     within=(KeepOut(places=((46.4, 7.9), (46.4, 8.1), (46.6, 8.0))),),
@@ -85,7 +86,7 @@ async def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
     )
     assert autopilot.flown is not None
     vehicle = autopilot.flown.vehicle
-    vehicle.frame = QUICK
+    vehicle.body.frame = QUICK
     modes = MODES[flavour]
     flying = asyncio.create_task(autopilot.run())
     configuration = Configuration.create_manual(255, 190, True)
@@ -98,16 +99,18 @@ async def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
         if flavour == "ardupilot":
             with pytest.raises(ActionError):  # not armed
                 await action.takeoff()
-            assert vehicle.landed
+            assert vehicle.ground.landed
         await action.arm()
         assert vehicle.armed
         await action.takeoff()
-        await until(lambda: vehicle.height_m > 3.0)
+        await until(lambda: vehicle.body.height_m > 3.0)
         await until(lambda: vehicle.mode == modes["hold"])
         north, east = vehicle.plane.to_geodetic(15.0, 10.0)
         await action.goto_location(north, east, vehicle.plane.altitude_amsl_m + 20.0, 0.0)
-        await until(lambda: abs(vehicle.north_m - 15.0) + abs(vehicle.east_m - 10.0) < 3.0)
-        await until(lambda: abs(vehicle.height_m - 20.0) < 3.0)
+        await until(
+            lambda: abs(vehicle.body.north_m - 15.0) + abs(vehicle.body.east_m - 10.0) < 3.0
+        )
+        await until(lambda: abs(vehicle.body.height_m - 20.0) < 3.0)
         await action.hold()
         assert vehicle.mode == modes["hold" if flavour == "px4" else "brake"]
         await action.return_to_launch()

@@ -15,8 +15,10 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message
-from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES, FlyingVehicle
 from uavrt.simulation.geometry import TangentPlane
+from uavrt.simulation.vehicle_telemetry import position_message
 from uavrt_experiments.autopilots import flights as flown_flights
 from uavrt_experiments.autopilots.builds import arducopter_build, px4_build, simulated_build
 from uavrt_experiments.autopilots.flights import (
@@ -58,7 +60,7 @@ class Link:
         for _ in range(round(seconds / STEP_S)):
             self.time_s += STEP_S
             self.vehicle.advance(STEP_S)
-            self.tell(1, self.vehicle.position(round(1e3 * self.time_s)))
+            self.tell(1, position_message(self.vehicle, round(1e3 * self.time_s)))
 
     def go(self, north_m: float, east_m: float, yaw: float = math.nan) -> None:
         latitude, longitude = HOME.to_geodetic(north_m, east_m)
@@ -101,8 +103,8 @@ def test_an_overshoot_is_the_way_beyond_the_target() -> None:
     for step in range(600):
         link.time_s += STEP_S
         north_m = min(33.0, 0.1 * step) if step < 450 else 30.0
-        link.vehicle.north_m = north_m
-        link.tell(1, link.vehicle.position(step))
+        link.vehicle.body.north_m = north_m
+        link.tell(1, position_message(link.vehicle, step))
     flown = flying_of(link.kept)
     assert flown.overshoot_m == pytest.approx([3.0], abs=0.05)
     assert flown.settling_s == pytest.approx([(449 - 270) * STEP_S], abs=0.1)

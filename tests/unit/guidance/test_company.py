@@ -7,9 +7,9 @@ from flown import Flown
 from some import some
 
 from uavrt.errors import PlanError
-from uavrt.guidance.company import ANSWER_S, TOLD_S, Company
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.seeker import Choice
+from uavrt.guidance.shared_search import ANSWER_S, REPORT_AGE_S, SharedSearch
 from uavrt.messages import Course, FoundTag, Neighbour
 
 
@@ -56,95 +56,95 @@ def choice(north_m: float, east_m: float, held: tuple[int, ...] = ()) -> Choice:
 def test_a_search_too_near_another_is_refused(
     heights: VehicleNow, neighbour: Neighbour, named: str
 ) -> None:
-    company = Company()
-    company.take(neighbour, heights.time_s)
+    shared = SharedSearch()
+    shared.take(neighbour, heights.time_s)
     with pytest.raises(PlanError, match=named):
-        company.check(heights, 40.0)
+        shared.check(heights, 40.0)
     hand_flown = replace(neighbour, course=replace(some(neighbour.course), searching=False))
-    company.take(hand_flown, heights.time_s)
-    company.check(heights, 40.0)
+    shared.take(hand_flown, heights.time_s)
+    shared.check(heights, 40.0)
 
 
 def test_one_alone_asks_nobody_and_says_nothing(now: VehicleNow) -> None:
-    company = Company()
-    assert company.choose(choice(0.0, 100.0), now)
-    assert not company.waits
-    assert not company.told(now.time_s)
+    shared = SharedSearch()
+    assert shared.choose(choice(0.0, 100.0), now)
+    assert not shared.waits
+    assert not shared.informed(now.time_s)
 
 
 def test_a_way_is_flown_once_it_is_given(now: VehicleNow) -> None:
-    company = Company(7)
-    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    assert [one.vehicle for one in company.thinks(now.time_s)] == [2]
-    assert not company.choose(choice(0.0, 100.0, held=(4, 6)), now)
-    course = company.course(now, searching=True)
+    shared = SharedSearch(7)
+    shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    assert [one.vehicle for one in shared.thinks(now.time_s)] == [2]
+    assert not shared.choose(choice(0.0, 100.0, held=(4, 6)), now)
+    course = shared.course(now, searching=True)
     assert (course.given, course.asked_way) == (((2, 4),), choice(0.0, 100.0).way)
     assert sorted(course.held) == [4, 6]
     assert course.goal == course.place
-    assert company.answer(now) is None
-    company.take(Neighbour(vehicle=0, granted=course.asked), now.time_s)
-    flown_choice, given = company.answer(now) or (None, False)
+    assert shared.answer(now) is None
+    shared.take(Neighbour(vehicle=0, granted=course.asked), now.time_s)
+    flown_choice, given = shared.answer(now) or (None, False)
     assert given
     assert flown_choice is not None
-    after = company.course(now, searching=True)
+    after = shared.course(now, searching=True)
     assert (after.flown, after.asked, after.goal) == (course.asked, 0, FLOWN.place(0.0, 100.0))
 
 
 @pytest.mark.parametrize("how", ["denied", "no answer", "old grant", "another came near"])
 def test_without_a_way_it_goes_on_as_before(now: VehicleNow, how: str) -> None:
-    company = Company(7)
-    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    company.thinks(now.time_s)
-    company.choose(choice(0.0, 100.0), now)
-    number, later = company.course(now).asked, now
+    shared = SharedSearch(7)
+    shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    shared.thinks(now.time_s)
+    shared.choose(choice(0.0, 100.0), now)
+    number, later = shared.course(now).asked, now
     match how:
         case "denied":
-            company.take(Neighbour(vehicle=0, denied=number), now.time_s)
+            shared.take(Neighbour(vehicle=0, denied=number), now.time_s)
         case "no answer":
             later = replace(now, time_s=now.time_s + ANSWER_S)
         case "old grant":
-            company.take(Neighbour(vehicle=0, granted=number - 1), now.time_s)
-            assert company.answer(now) is None
+            shared.take(Neighbour(vehicle=0, granted=number - 1), now.time_s)
+            assert shared.answer(now) is None
             later = replace(now, time_s=now.time_s + ANSWER_S)
         case "another came near":
             near = other(40.0, 60.0, 52.0, (-40.0, 60.0))
-            company.take(replace(near, granted=number), now.time_s)
-    answer = some(company.answer(later))
+            shared.take(replace(near, granted=number), now.time_s)
+    answer = some(shared.answer(later))
     assert not answer[1]
-    assert not company.waits
-    course = company.course(later)
+    assert not shared.waits
+    course = shared.course(later)
     assert (course.flown, course.goal) == (0, course.place)
     # A grant that comes now is for nothing.
-    company.take(Neighbour(vehicle=0, granted=number), later.time_s)
-    assert company.answer(later) is None
+    shared.take(Neighbour(vehicle=0, granted=number), later.time_s)
+    assert shared.answer(later) is None
 
 
 def test_it_stays_and_returns_unasked(now: VehicleNow) -> None:
-    company = Company()
-    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    assert company.choose(choice(0.0, 0.0), now)
-    assert company.choose(replace(choice(0.0, 0.0), returning=True), now)
-    course = company.course(now)
+    shared = SharedSearch()
+    shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    assert shared.choose(choice(0.0, 0.0), now)
+    assert shared.choose(replace(choice(0.0, 0.0), returning=True), now)
+    course = shared.course(now)
     assert (course.goal, course.returning) == (now.home, True)
 
 
 def test_others_stay_as_they_were_told_until_the_next_order(now: VehicleNow) -> None:
-    company = Company()
-    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    late_s = now.time_s + 5.0 * TOLD_S
-    (one,) = company.others(late_s)
-    assert one.age_s == 5.0 * TOLD_S
-    assert company.has_others(late_s)
-    assert not company.told(late_s)
-    company.begin(late_s)
-    assert not company.has_others(late_s)
+    shared = SharedSearch()
+    shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    late_s = now.time_s + 5.0 * REPORT_AGE_S
+    (one,) = shared.others(late_s)
+    assert one.age_s == 5.0 * REPORT_AGE_S
+    assert shared.has_others(late_s)
+    assert not shared.informed(late_s)
+    shared.begin(late_s)
+    assert not shared.has_others(late_s)
 
 
 def test_who_asks_is_heard_by_a_station_that_has_begun_anew(now: VehicleNow) -> None:
     """It does not tell of others until it has heard of some: one of them may be silent."""
-    company = Company(7)
-    company.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    later = replace(now, time_s=now.time_s + 2.0 * TOLD_S)
-    assert not company.speaks(later.time_s)
-    assert not company.choose(choice(0.0, 100.0), later)
-    assert company.speaks(later.time_s)
+    shared = SharedSearch(7)
+    shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
+    later = replace(now, time_s=now.time_s + 2.0 * REPORT_AGE_S)
+    assert not shared.speaks(later.time_s)
+    assert not shared.choose(choice(0.0, 100.0), later)
+    assert shared.speaks(later.time_s)

@@ -13,7 +13,8 @@ from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.guidance.yaw import YawWatch
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FIELD = ((50, 0), (50, 150), (150, 150), (150, 0))
@@ -32,8 +33,8 @@ def test_goes_there_at_the_height_above_home_that_was_asked_for(flavour: Flavour
         flown_to_its_end(flown, "goto", places=(flown.place(120, 80),), height_m=55.0) == "done"
     )
     vehicle = flown.vehicle
-    assert math.hypot(vehicle.north_m - 120, vehicle.east_m - 80) < 3.0
-    assert vehicle.height_m == pytest.approx(55.0, abs=2.0)
+    assert math.hypot(vehicle.body.north_m - 120, vehicle.body.east_m - 80) < 3.0
+    assert vehicle.body.height_m == pytest.approx(55.0, abs=2.0)
     assert flown.commands[0][1].z == pytest.approx(HOME.altitude_amsl_m + 55.0, abs=0.01)
     assert flown.authority.reason == "done"
 
@@ -42,16 +43,16 @@ def test_goes_there_at_the_height_above_home_that_was_asked_for(flavour: Flavour
 @pytest.mark.parametrize("clockwise", [True, False])
 def test_turns_once_in_place_to_the_side_asked_for(flavour: Flavour, clockwise: bool) -> None:
     flown = Flown(flavour)
-    turned, before = 0.0, flown.vehicle.yaw_deg
+    turned, before = 0.0, flown.vehicle.heading.yaw_deg
     pilot = flown.order("rotate", duration_s=24.0, clockwise=clockwise)
     while pilot.ended is None:
         flown.step()
-        step = (flown.vehicle.yaw_deg - before + 180.0) % 360.0 - 180.0
-        turned, before = turned + step, flown.vehicle.yaw_deg
+        step = (flown.vehicle.heading.yaw_deg - before + 180.0) % 360.0 - 180.0
+        turned, before = turned + step, flown.vehicle.heading.yaw_deg
     assert pilot.ended == "done"
     least = 325.0 if flavour == "px4" else 350.0
     assert least <= (turned if clockwise else -turned) <= 361.0
-    assert math.hypot(flown.vehicle.north_m, flown.vehicle.east_m) < 1.0
+    assert math.hypot(flown.vehicle.body.north_m, flown.vehicle.body.east_m) < 1.0
     assert len(flown.commands) == (12 if flavour == "px4" else 2)
 
 
@@ -69,7 +70,7 @@ def test_flies_around_an_area_and_closes_the_round(flavour: Flavour) -> None:
     places = tuple(flown.place(*corner) for corner in FIELD)
     assert flown_to_its_end(flown, "survey", places=places, pattern="around") == "done"
     assert len(flown.commands) == 5
-    assert math.hypot(flown.vehicle.north_m - 50, flown.vehicle.east_m) < 3.0
+    assert math.hypot(flown.vehicle.body.north_m - 50, flown.vehicle.body.east_m) < 3.0
 
 
 @BOTH
@@ -79,15 +80,15 @@ def test_turns_once_at_each_place_of_an_area(flavour: Flavour) -> None:
     pilot = flown.order(
         "survey", places=places, pattern="points", spacing_m=75.0, duration_s=12.0
     )
-    turned, before = 0.0, flown.vehicle.yaw_deg
+    turned, before = 0.0, flown.vehicle.heading.yaw_deg
     stood: list[tuple[float, float]] = []
     while pilot.ended is None:
         flown.step()
         vehicle = flown.vehicle
-        turned += abs((vehicle.yaw_deg - before + 180.0) % 360.0 - 180.0)
-        before = vehicle.yaw_deg
+        turned += abs((vehicle.heading.yaw_deg - before + 180.0) % 360.0 - 180.0)
+        before = vehicle.heading.yaw_deg
         if turned > 300.0 * (len(stood) + 1):
-            stood.append((vehicle.north_m, vehicle.east_m))
+            stood.append((vehicle.body.north_m, vehicle.body.east_m))
     assert pilot.ended == "done"
     assert pilot.plan.summary.startswith("turn at 4 places, from")
     assert turned >= 4 * 325.0
@@ -118,9 +119,9 @@ def test_it_holds_while_the_ground_is_not_heard_and_returns_after_a_minute(
     flown.run(8.0)
     flown.ground_silent_s = 6.0
     flown.run(20.0)
-    held = flown.vehicle.north_m
+    held = flown.vehicle.body.north_m
     flown.run(30.0)
-    assert flown.vehicle.north_m == pytest.approx(held, abs=1.0)
+    assert flown.vehicle.body.north_m == pytest.approx(held, abs=1.0)
     assert held < 150.0
     flown.run(12.0)
     assert flown.vehicle.mode == MODES[flavour]["return"]
@@ -136,7 +137,7 @@ def test_it_goes_on_when_the_ground_is_heard_again(flavour: Flavour) -> None:
     flown.ground_silent_s = 0.0
     flown.run(60.0, until=lambda: pilot.ended is not None)
     assert pilot.ended == "done"
-    assert flown.vehicle.north_m == pytest.approx(200.0, abs=3.0)
+    assert flown.vehicle.body.north_m == pytest.approx(200.0, abs=3.0)
 
 
 @BOTH
@@ -144,7 +145,7 @@ def test_it_returns_when_the_battery_is_needed_for_the_way_home(flavour: Flavour
     flown = Flown(flavour)
     pilot = flown.order("goto", places=(flown.place(300, 0),), height_m=40.0)
     flown.run(10.0)
-    flown.vehicle.used_wh = 88.0
+    flown.vehicle.body.used_wh = 88.0
     flown.run(5.0)
     assert "the way home takes" in pilot.said
     assert flown.vehicle.mode == MODES[flavour]["return"]
@@ -260,7 +261,7 @@ def test_beyond_the_fence_nothing_is_offered_that_the_authority_would_refuse(
     action: str,
 ) -> None:
     flown = prepared()
-    flown.vehicle.north_m = 560.0
+    flown.vehicle.body.north_m = 560.0
     flown.run(0.5)
     with pytest.raises(PlanError, match=r"is 560 m from home, beyond the fence\. Return"):
         flown.order(action)
@@ -271,8 +272,8 @@ def test_beyond_the_fence_nothing_is_offered_that_the_authority_would_refuse(
 @pytest.mark.parametrize("action", ["hold", "rotate"])
 def test_what_would_end_in_a_return_at_once_is_refused(action: str) -> None:
     flown = prepared()
-    flown.vehicle.north_m = 300.0
-    flown.vehicle.used_wh = 85.0
+    flown.vehicle.body.north_m = 300.0
+    flown.vehicle.body.used_wh = 85.0
     flown.run(0.5)
     with pytest.raises(PlanError, match=r"35 Wh left; the way home takes \d+ Wh\. Return"):
         flown.order(action)
@@ -281,7 +282,7 @@ def test_what_would_end_in_a_return_at_once_is_refused(action: str) -> None:
 
 def test_a_way_beyond_the_battery_is_refused_with_the_figures() -> None:
     flown = prepared()
-    flown.vehicle.used_wh = 85.0
+    flown.vehicle.body.used_wh = 85.0
     flown.run(0.5)
     with pytest.raises(PlanError, match=r"take \d+ Wh; 35 are left"):
         flown.order("goto", places=(flown.place(450, 0),), height_m=40.0)
@@ -317,8 +318,8 @@ def test_told_to_go_elsewhere_at_speed_it_stands_first(flavour: Flavour) -> None
     slowest = math.inf
     while pilot.ended is None:
         flown.step()
-        slowest = min(slowest, math.hypot(*flown.vehicle.velocity_m_s))
-        if flown.vehicle.east_m > 30.0:
+        slowest = min(slowest, math.hypot(*flown.vehicle.body.velocity_m_s))
+        if flown.vehicle.body.east_m > 30.0:
             break
     assert slowest < 1.0
     assert flown.authority.standing is Standing.IN_COMMAND
@@ -332,10 +333,10 @@ def test_a_small_bend_is_flown_without_standing(flavour: Flavour) -> None:
     now = some(flown.now())
     pilot.redirect((Go(place=flown.place(200, 40), height_m=40.0),), now)
     flown.run(4.0)
-    assert math.hypot(*flown.vehicle.velocity_m_s) > 5.0
+    assert math.hypot(*flown.vehicle.body.velocity_m_s) > 5.0
     flown.run(60.0, until=lambda: pilot.ended is not None)
     assert pilot.ended == "done"
-    assert flown.vehicle.east_m == pytest.approx(40.0, abs=3.0)
+    assert flown.vehicle.body.east_m == pytest.approx(40.0, abs=3.0)
 
 
 @BOTH
@@ -349,7 +350,7 @@ def test_wind_slows_it_and_takes_more_of_the_battery(flavour: Flavour) -> None:
             == "done"
         )
         times.append(flown.time_s - begun)
-        left.append(flown.vehicle.battery_percent)
+        left.append(flown.vehicle.body.battery_percent)
     assert times[1] > times[0] + 8.0
     assert left[1] < left[0] - 0.5
 
@@ -368,10 +369,10 @@ def test_home_among_others_is_flown_at_its_own_height(flavour: Flavour) -> None:
     heights = []
 
     def over_home() -> bool:
-        heights.append(flown.vehicle.height_m)
+        heights.append(flown.vehicle.body.height_m)
         return flown.vehicle.mode == MODES[flavour]["return"]
 
     flown.run(90.0, until=over_home)
     assert over_home()
-    assert math.hypot(*flown.vehicle.place_m) < 5.0
+    assert math.hypot(*flown.vehicle.body.place_m) < 5.0
     assert max(abs(height - 40.0) for height in heights) < 2.5

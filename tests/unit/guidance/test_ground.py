@@ -13,7 +13,7 @@ from uavrt.errors import PlanError
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.orders import Limits
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 from uavrt.tangent_plane import TangentPlane
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -37,8 +37,8 @@ def flying(
     flavour: Flavour, at: tuple[float, float] = (0.0, 0.0), height_m: float = 40.0
 ) -> Flown:
     flown = Flown(flavour, limits=limits())
-    flown.vehicle.north_m, flown.vehicle.east_m = at
-    flown.vehicle.height_m = height_m
+    flown.vehicle.body.north_m, flown.vehicle.body.east_m = at
+    flown.vehicle.body.height_m = height_m
     flown.run(0.2)
     return flown
 
@@ -107,17 +107,17 @@ def test_it_holds_and_asks_when_home_leaves_the_map_in_flight(flavour: Flavour) 
     # The barometer's height above home drifts from the altitude: as the map sees it.
     pilot._limits = limits(20.0)
     flown.run(12.0)
-    place = flown.vehicle.place_m
+    place = flown.vehicle.body.place_m
     flown.run(10.0)
     assert "off the map of heights: holding" in pilot.said
-    assert np.hypot(*np.subtract(flown.vehicle.place_m, place)) < 2.0
+    assert np.hypot(*np.subtract(flown.vehicle.body.place_m, place)) < 2.0
     assert flown.authority.standing is Standing.IN_COMMAND
 
 
 def test_a_search_keeps_its_height_above_a_hill_and_on_the_way_home() -> None:
     given = limits(keep_away_m=0.0, speed_m_s=8.0)
     search = Searched("px4", [Animal(180.0, 20.0)], limits=given, duration_s=60.0)
-    search.flown.vehicle.height_m = 45.0
+    search.flown.vehicle.body.height_m = 45.0
     search.flown.run(0.3)
     search.begin()
     ground = some(given.ground)
@@ -126,7 +126,7 @@ def test_a_search_keeps_its_height_above_a_hill_and_on_the_way_home() -> None:
         search.step()
         if search.out:
             break
-        north, east = search.flown.vehicle.place_m
+        north, east = search.flown.vehicle.body.place_m
         x, y = np.array([east]), np.array([north])
         high = max(float(ground.above_home_m(x, y)[0]), float(ground.highest_home_m(x, y)[0]))
         least = min(least, 45.0 - high)

@@ -9,7 +9,8 @@ from uavrt.config.loader import parse_settings
 from uavrt.errors import CommandRefused, ConfigError
 from uavrt.guidance.authority import Standing
 from uavrt.messages import FlyThere
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 LOW = (1000,) * 6

@@ -18,7 +18,7 @@ from uavrt.messages import KeepOut
 from uavrt.planning.actions import FlyTo
 from uavrt.planning.situation import Decision, Situation
 from uavrt.planning.vehicle import VehicleState
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
@@ -69,7 +69,7 @@ def test_a_way_over_people_or_buildings_is_refused_before_anything_moves(
 
 def test_a_way_to_where_only_the_way_home_leads_over_them_is_refused() -> None:
     flown = Flown("px4", limits=LIMITS)
-    flown.vehicle.north_m, flown.vehicle.east_m = 200.0, 150.0
+    flown.vehicle.body.north_m, flown.vehicle.body.east_m = 200.0, 150.0
     flown.run(0.2)
     with pytest.raises(PlanError, match="leads home over the keep-out 'barn'"):
         flown.order("goto", places=corners((200, 0)), height_m=40.0)
@@ -82,7 +82,7 @@ def test_no_order_begins_over_or_behind_a_building(
     action: str, north_m: float, reason: str
 ) -> None:
     flown = Flown("px4", limits=LIMITS)
-    flown.vehicle.north_m = north_m
+    flown.vehicle.body.north_m = north_m
     flown.run(0.2)
     with pytest.raises(PlanError, match=f"where the drone is, a way {reason}"):
         flown.order(action)
@@ -132,13 +132,13 @@ def test_a_search_keeps_out_with_its_way_home(flavour: Flavour) -> None:
     way = []
     for _ in range(2400):
         search.step()
-        way.append(vehicle.place_m)
+        way.append(vehicle.body.place_m)
         if search.out:
             break
     assert search.flown.authority.reason == "returning: the autopilot flies home"
     for _ in range(1200):
         search.flown.step()
-        way.append(vehicle.place_m)
+        way.append(vehicle.body.place_m)
     assert not vehicle.armed
     north, east = np.array(way).T
     assert min(float(void.off_m(east, north).min()) for void in area.voids) > 0.3 * MARGIN_M
@@ -148,7 +148,7 @@ def test_a_search_keeps_out_with_its_way_home(flavour: Flavour) -> None:
 def test_a_search_that_would_begin_over_a_building_is_refused() -> None:
     limits = Limits(battery_wh=160.0, keep_out=(BARN,))
     search = Searched("px4", [Animal(150.0, -60.0)], limits=limits)
-    search.flown.vehicle.north_m = 95.0
+    search.flown.vehicle.body.north_m = 95.0
     search.flown.run(0.2)
     with pytest.raises(PlanError, match="where the drone is, a way enters"):
         search.begin()
@@ -176,9 +176,9 @@ def test_the_next_way_is_judged_from_where_the_drone_comes_to_a_stand(flavour: F
     planner = _Now(60.0, 0.0)
     search.seeker._search._planner = planner
     vehicle = search.flown.vehicle
-    search.run(60.0, until=lambda: vehicle.east_m > 20.0)
-    assert math.hypot(*vehicle.velocity_m_s) > 7.0
-    was_m = vehicle.east_m
+    search.run(60.0, until=lambda: vehicle.body.east_m > 20.0)
+    assert math.hypot(*vehicle.body.velocity_m_s) > 7.0
+    was_m = vehicle.body.east_m
     planner.wish = Decision(action=FlyTo(east_m=0.0, north_m=55.0), reason="as told")
     now = search.flown.now()
     choice = search.seeker.think(search.time_ns, some(now), idle=False)

@@ -10,7 +10,8 @@ from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.lateness import Lateness
 from uavrt.guidance.observed import BootTimeSeen
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 

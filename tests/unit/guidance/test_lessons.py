@@ -13,7 +13,8 @@ from uavrt.guidance.lessons import Lessons, energy_of
 from uavrt.guidance.orders import Limits, VehicleNow
 from uavrt.guidance.plans import must_return, way_home_wh
 from uavrt.planning.vehicle import Wind
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 HOME = (47.1, 8.5)
@@ -142,7 +143,7 @@ def test_wind_that_rises_in_flight_ends_a_search(flavour: Flavour) -> None:
     search.begin()
     search.run(20.0)
     assert not search.out
-    search.flown.vehicle.frame = replace(search.frame, wind_m_s=(0.0, 11.5))
+    search.flown.vehicle.body.frame = replace(search.frame, wind_m_s=(0.0, 11.5))
     search.run(10.0)
     assert search.flown.authority.reason == "returning: the autopilot flies home"
     assert any("the wind is" in one for one in (search.pilot.said, search.notes[-1].reason))
@@ -183,7 +184,7 @@ def test_whatever_it_takes_and_in_whatever_wind_it_is_home_with_the_reserve(seed
     flown.run(900.0, until=lambda: not flown.vehicle.armed)
     assert not flown.vehicle.armed
     assert flown.vehicle.mode == MODES[flavour]["return"]
-    assert flown.vehicle.battery_percent >= 25.0
+    assert flown.vehicle.body.battery_percent >= 25.0
 
 
 def test_a_search_and_its_pilot_reckon_with_the_same_lessons() -> None:
@@ -203,4 +204,4 @@ def test_a_search_and_its_pilot_reckon_with_the_same_lessons() -> None:
     assert "the way home" in f"{search.pilot.said} {search.notes[-1].reason}"
     assert search.flown.lessons.energy.power_w(0.0) == pytest.approx(1200.0, rel=0.15)
     search.flown.run(300.0, until=lambda: not search.flown.vehicle.armed)
-    assert 25.0 <= search.flown.vehicle.battery_percent < 45.0
+    assert 25.0 <= search.flown.vehicle.body.battery_percent < 45.0

@@ -12,7 +12,8 @@ from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.messages import FlyThere, GoHome
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
@@ -157,9 +158,9 @@ def turn(flown: Flown) -> None:
 
 def push_down(flown: Flown) -> None:
     """By a hand that is not seen: the target stays."""
-    flown.vehicle.height_m -= 4.0
+    flown.vehicle.body.height_m -= 4.0
     flown.run(0.5)
-    flown.vehicle.height_m -= 4.0
+    flown.vehicle.body.height_m -= 4.0
 
 
 @BOTH
@@ -171,7 +172,7 @@ def test_what_is_flown_between_two_orders_is_watched_until_the_second_begins(
     flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
     flown.run(2.0)
     flown.pilot = None
-    flown.run(30.0, until=lambda: flown.vehicle.north_m > 59.9)
+    flown.run(30.0, until=lambda: flown.vehicle.body.north_m > 59.9)
     flown.authority.offer(7, 77, flown.time_s)
     flown.authority.confirm(7, 77, flown.time_s, sticks_unseen=True)
     flown.run(0.5)
@@ -187,10 +188,10 @@ def test_what_is_flown_between_two_orders_is_watched_until_the_second_begins(
 def test_a_heading_that_a_gust_pushes_is_nobodys_order(flavour: Flavour) -> None:
     flown = at_rest(flavour)
     flown.authority.offer(1, 77, flown.time_s)
-    flown.vehicle.yaw_deg += 12.0
+    flown.vehicle.heading.yaw_deg += 12.0
     flown.run(1.0)
     flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
-    flown.vehicle.yaw_deg -= 20.0
+    flown.vehicle.heading.yaw_deg -= 20.0
     flown.run(1.0)
     assert flown.authority.standing is Standing.CONFIRMED
 
@@ -317,16 +318,16 @@ def test_it_holds_within_its_heights_where_the_ground_is_lost_above_them(
     flavour: Flavour,
 ) -> None:
     flown = Flown(flavour)
-    flown.vehicle.height_m = 160.0
+    flown.vehicle.body.height_m = 160.0
     flown.run(0.5)
     flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=100.0)
     flown.run(5.0)
-    assert flown.vehicle.height_m > 130.0
+    assert flown.vehicle.body.height_m > 130.0
     flown.ground_silent_s = 6.0
     flown.run(20.0)
     assert flown.authority.standing is Standing.IN_COMMAND
-    assert flown.vehicle.north_m < 150.0
-    assert flown.vehicle.height_m == pytest.approx(120.0, abs=1.0)
+    assert flown.vehicle.body.north_m < 150.0
+    assert flown.vehicle.body.height_m == pytest.approx(120.0, abs=1.0)
 
 
 def test_refusals_count_until_a_command_is_taken() -> None:
@@ -381,7 +382,7 @@ def test_heights_stay_those_of_the_confirmation_when_home_is_corrected(
         flown.run(0.3)
     flown.run(60.0, until=lambda: pilot.ended is not None)
     assert pilot.ended == "done"
-    assert flown.vehicle.height_m == pytest.approx(50.0, abs=0.5)
+    assert flown.vehicle.body.height_m == pytest.approx(50.0, abs=0.5)
 
 
 @BOTH

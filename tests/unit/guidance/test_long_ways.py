@@ -7,7 +7,8 @@ from some import some
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FAR = Limits(battery_wh=600.0, fence_m=1500.0, speed_m_s=5.0)
@@ -32,7 +33,7 @@ def test_a_leg_of_a_kilometre_is_flown_to_its_end(
     pilot = flown.order("goto", places=(flown.place(1000.0, 0.0),), height_m=40.0)
     flown.run(900.0, until=lambda: pilot.ended is not None)
     assert pilot.ended == "done"
-    assert flown.vehicle.north_m == pytest.approx(1000.0, abs=3.0)
+    assert flown.vehicle.body.north_m == pytest.approx(1000.0, abs=3.0)
     assert flown.time_s > 100.0 + 200.0
 
 
@@ -53,7 +54,7 @@ def slow_far_away(flavour: Flavour) -> Flown:
     flown = far_flown(flavour)
     flown.order("goto", places=(flown.place(1000.0, 0.0),), height_m=40.0)
     flown.run(60.0)
-    flown.vehicle.frame = Frame(battery_wh=600.0, speed_m_s=0.5)
+    flown.vehicle.body.frame = Frame(battery_wh=600.0, speed_m_s=0.5)
     return flown
 
 
@@ -72,7 +73,7 @@ def test_a_drone_that_stops_on_its_way_is_somebodys_and_is_not_sent_home(
 ) -> None:
     flown = slow_far_away(flavour)
     flown.run(10.0)
-    flown.vehicle.frame = Frame(battery_wh=600.0, speed_m_s=0.0)
+    flown.vehicle.body.frame = Frame(battery_wh=600.0, speed_m_s=0.0)
     flown.run(4.0)
     assert flown.authority.reason == "the drone has stopped on its way"
     flown.run(600.0)

@@ -8,7 +8,7 @@ from flown import Flown
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits
-from uavrt.simulation.flying import Frame
+from uavrt.simulation.airframe import Frame
 
 STANDS_M_S = 0.1
 
@@ -16,7 +16,7 @@ STANDS_M_S = 0.1
 def left_m(flown: Flown) -> float:
     target = flown.vehicle.target
     assert target is not None
-    north, east = flown.vehicle.place_m
+    north, east = flown.vehicle.body.place_m
     return math.hypot(target.north_m - north, target.east_m - east)
 
 
@@ -33,7 +33,7 @@ def test_a_pause_metres_before_a_corner_ends_the_order_and_no_command_follows(
     assert flown.authority.standing is Standing.IN_COMMAND
     flown.pause_by_193()
     sent = len(flown.commands)
-    flown.run(5.0, until=lambda: math.hypot(*flown.vehicle.velocity_m_s) < STANDS_M_S)
+    flown.run(5.0, until=lambda: math.hypot(*flown.vehicle.body.velocity_m_s) < STANDS_M_S)
     assert 0.9 < left_m(flown) < 3.0
     flown.run(4.0, until=lambda: flown.authority.standing is Standing.OUT)
     assert flown.authority.reason == "the drone has stopped on its way"
@@ -77,7 +77,7 @@ def approaching(limits: Limits | None = None) -> Flown:
 
 def test_a_low_battery_sends_the_drone_home_also_on_a_slow_last_approach() -> None:
     flown = approaching()
-    flown.vehicle.used_wh = 0.8 * flown.vehicle.frame.battery_wh
+    flown.vehicle.body.used_wh = 0.8 * flown.vehicle.body.frame.battery_wh
     flown.run(2.0, until=lambda: flown.authority.standing is Standing.OUT)
     assert flown.vehicle.mode in MANNERS["ardupilot"].return_modes
 

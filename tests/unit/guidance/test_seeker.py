@@ -16,7 +16,8 @@ from uavrt.guidance.listening import Antenna, Ears, threshold_db
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.messages import Course, FoundTag, Neighbour, PulsePose
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 from uavrt.tangent_plane import TangentPlane
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -126,7 +127,7 @@ def test_it_returns_with_the_reserve_whatever_the_search_says() -> None:
     assert search.flown.vehicle.mode == MODES["px4"]["return"]
     search.run(120.0, until=lambda: not search.flown.vehicle.armed)
     assert not search.flown.vehicle.armed
-    assert search.flown.vehicle.battery_percent >= limits.reserve_percent
+    assert search.flown.vehicle.body.battery_percent >= limits.reserve_percent
 
 
 @BOTH
@@ -136,7 +137,7 @@ def test_a_turn_is_left_when_an_animal_walks_to_the_drone(flavour: Flavour) -> N
     search.run(2.5)
     now = some(search.flown.now())
     seeker, time_ns = search.seeker, search.time_ns
-    seeker._goal_m, seeker._near = None, 0.0
+    seeker._course = replace(seeker._course, goal_m=None, near=0.0)
     assert seeker.think(time_ns, now, idle=False).steps is None
     state = seeker._search.beliefs[2].tracker._state
     spread = np.random.default_rng(1).normal(0.0, 14.0, (2, len(state.east_m)))
@@ -296,7 +297,7 @@ def test_silence_of_a_coded_tag_is_that_no_burst_stands_out(codes: int, every_s:
 
 def test_headings_come_from_the_attitude_of_the_antenna(ears: Ears) -> None:
     search = Searched("px4", [])
-    search.flown.vehicle.yaw_deg = 250.0
+    search.flown.vehicle.heading.yaw_deg = 250.0
     evidence = some(ears.pulse(search.heard(TAG, 20.0), 3.0))
     yaw = some(evidence.listening.yaw_deg)
     assert math.isclose(yaw, 250.0, abs_tol=1e-6)

@@ -10,7 +10,8 @@ from uavrt.guidance.authority import Standing
 from uavrt.guidance.plans import Go
 from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
 from uavrt.mavlink import dialect
-from uavrt.simulation.flying import Frame
+from uavrt.simulation.airframe import Frame
+from uavrt.simulation.vehicle_telemetry import target_message
 
 FLOWN = [
     (  # Commanded to -59° during a right turn to 22°.
@@ -39,7 +40,7 @@ AWAY_M = 25.5
 def redirected(after_s: float, north_m: float, east_m: float) -> Flown:
     """A leg of a search that is replaced while the drone still turns towards it."""
     flown = Flown("px4", frame=Frame(speed_m_s=5.0, gust_m=0.02))
-    flown.vehicle.yaw_deg = flown.vehicle.yaw_setpoint_deg = 340.0
+    flown.vehicle.heading.yaw_deg = flown.vehicle.heading.setpoint_deg = 340.0
     flown.run(1.2)
     pilot = flown.order("goto", places=(flown.place(50.0, 20.0),), height_m=40.0)
     flown.run(3.0, until=lambda: flown.authority.obeyed)
@@ -97,7 +98,7 @@ def test_a_turn_at_our_target_by_another_is_seen_though_a_turn_was_going_on(
     flown = redirected(0.6, 15.0, -21.0)
     flown.run(7.0)
     assert flown.authority.order_id is not None
-    (_, last), setpoint = flown.commands[-1], flown.vehicle.position_target(0)
+    (_, last), setpoint = flown.commands[-1], target_message(flown.vehicle, 0)
     assert setpoint is not None
     assert isinstance(last, dialect.CommandInt)
     flown._reposition(x=last.x, y=last.y, z=last.z, param4=setpoint.yaw + math.radians(by_deg))

@@ -13,7 +13,8 @@ from uavrt.guidance.wishes import VehicleCommand
 from uavrt.mavlink.dialect import MavResult
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import MODES
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
@@ -35,8 +36,8 @@ def test_it_climbs_straight_up_to_the_height_above_home_and_hovers(flavour: Flav
     assert taken_off(flown) == "done"
     flown.run(10.0)
     vehicle = flown.vehicle
-    assert vehicle.height_m == pytest.approx(30.0, abs=1.0)
-    assert math.hypot(vehicle.north_m, vehicle.east_m) < 1.0
+    assert vehicle.body.height_m == pytest.approx(30.0, abs=1.0)
+    assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) < 1.0
     assert vehicle.mode == MODES[flavour]["hold"]
     last = flown.commands[-1][1]
     assert last.command == 22
@@ -71,14 +72,14 @@ def test_a_confirmed_take_off_that_does_not_begin_in_ten_seconds_never_does(
 ) -> None:
     flown = standing(flavour)
     pilot = flown.order("takeoff", height_m=30.0)
-    flown.vehicle.idle_s = -60.0
+    flown.vehicle.ground.idle_s = -60.0
     flown.pilot = None
     flown.run(10.5)
     assert flown.authority.reason == "the order was not begun within 10 s"
     flown.pilot = pilot
     flown.run(5.0)
     assert not flown.commands
-    assert flown.vehicle.landed
+    assert flown.vehicle.ground.landed
 
 
 @BOTH
@@ -93,7 +94,7 @@ def test_disarmed_before_the_command_leaves_nothing_waits_for_the_next_arming(
     flown.pilot, flown.vehicle.armed = pilot, True
     flown.run(5.0)
     assert not flown.commands
-    assert flown.vehicle.landed
+    assert flown.vehicle.ground.landed
 
 
 @BOTH
@@ -158,7 +159,7 @@ def test_a_drone_that_is_held_down_is_given_up(flavour: Flavour) -> None:
     flown = standing(flavour)
     flown.order("takeoff", height_m=30.0)
     flown.run(3.2)
-    flown.vehicle.frame = type(flown.vehicle.frame)(climb_m_s=0.0)
+    flown.vehicle.body.frame = type(flown.vehicle.body.frame)(climb_m_s=0.0)
     flown.run(13.0)
     assert flown.authority.standing is Standing.OUT
     assert flown.authority.reason in (
@@ -171,12 +172,12 @@ def test_a_drone_that_is_held_down_is_given_up(flavour: Flavour) -> None:
 def test_its_own_word_counts_more_than_its_height_above_home(flavour: Flavour) -> None:
     """Home may lie on a hill: 12 m above it the drone can stand on the ground."""
     flown = Flown(flavour)
-    flown.vehicle.height_m, flown.vehicle.landed = 12.0, True
+    flown.vehicle.body.height_m, flown.vehicle.ground.landed = 12.0, True
     flown.run(1.2)
     with pytest.raises(CommandRefused, match="on the ground"):
         flown.order("hold", height_m=30.0)
     low = Flown(flavour)
-    low.vehicle.height_m = 1.0
+    low.vehicle.body.height_m = 1.0
     low.run(1.2)
     low.order("hold", height_m=30.0)
 
@@ -188,7 +189,7 @@ def test_where_it_tells_nothing_its_height_counts(
 ) -> None:
     flown = Flown(flavour)
     flown.landed_told = False
-    flown.vehicle.height_m = height_m
+    flown.vehicle.body.height_m = height_m
     flown.run(4.0)
     assert flown.authority.vehicle.on_ground(flown.time_s) is on_ground
 
@@ -198,7 +199,7 @@ def test_a_landing_ends_an_order(flavour: Flavour) -> None:
     flown = Flown(flavour)
     flown.order("goto", places=(flown.place(200.0, 0.0),), height_m=40.0)
     flown.run(3.0)
-    flown.vehicle.landed = True
+    flown.vehicle.ground.landed = True
     flown.run(0.6)
     assert flown.authority.reason == "the vehicle has landed"
 
@@ -219,4 +220,4 @@ def test_told_while_disarmed_px4_flies_at_the_next_arming_and_ardupilot_refuses(
     vehicle.armed = True
     for _ in range(60):
         vehicle.advance(0.1)
-    assert (vehicle.height_m > 5.0) is px4
+    assert (vehicle.body.height_m > 5.0) is px4

@@ -19,9 +19,9 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.address import parse_address
 from uavrt.mavlink.discovery import station_heartbeat
 from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.simulation.airframe import Flavour
 from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.flying import Flavour
 from uavrt.units import ns_from_s
 from world import World
 

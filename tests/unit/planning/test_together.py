@@ -8,9 +8,9 @@ import pytest
 from uavrt.guidance.neighbours import SEPARATION
 from uavrt.planning.actions import FlyTo
 from uavrt.planning.area import Polygon, SearchArea
-from uavrt.planning.beside import Beside, Separation
 from uavrt.planning.division import Start, divided
 from uavrt.planning.information import information_nats
+from uavrt.planning.other_drones import OtherDrones, Separation
 from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.planners.ways import checked, sampled
 from uavrt.planning.search import Search
@@ -81,7 +81,7 @@ def test_no_single_tag_could_be_moved_to_end_the_longest_round_sooner(seed: int)
                 assert longest(moved) >= longest(rounds) - 1e-6
 
 
-def _situation(beside: Beside) -> Situation:
+def _situation(others: OtherDrones) -> Situation:
     scenario = SCENARIOS["T2"]
     settings = SearchSettings(
         vehicle=VEHICLE,
@@ -91,12 +91,12 @@ def _situation(beside: Beside) -> Situation:
     )
     beliefs = beliefs_of(scenario, ONE, 1, 500, World(scenario, 1))
     search = Search(settings, beliefs, MiRate(), np.random.default_rng(1))
-    return search.situation(HERE, Wind(), beside)
+    return search.situation(HERE, Wind(), others)
 
 
 def test_a_way_near_that_of_another_is_refused_whenever_either_is_flown() -> None:
     crossing = ((60.0, -60.0), (60.0, 300.0))
-    situation = _situation(Beside(separation=Separation(), strips=(crossing,)))
+    situation = _situation(OtherDrones(separation=Separation(), strips=(crossing,)))
     ways = checked(situation, np.array([130.0, 20.0, -80.0]), np.array([0.0, 0.0, 0.0]))
     assert ways.refused == ["within 25 m of another drone's way", None, None]
 
@@ -105,19 +105,20 @@ def test_what_another_drone_will_hear_counts_no_more() -> None:
     """Of two ways alike the one that another flies tells less; so both spread out."""
     along = flown(VEHICLE, HERE, FlyTo(east_m=250.0, north_m=0.0))
     alone, with_other = (
-        _situation(Beside(separation=Separation(), listening=paths)) for paths in ((), (along,))
+        _situation(OtherDrones(separation=Separation(), listening=paths))
+        for paths in ((), (along,))
     )
     ends = np.array([250.0, 0.0]), np.array([0.0, 250.0])
     legs = sampled(alone, *ends, np.array([52.0, 52.0]), 8)
-    assert alone.beside is not None
-    assert with_other.beside is not None
-    assert alone.beside.legs(0.0) is None
+    assert alone.others is not None
+    assert with_other.others is not None
+    assert alone.others.legs(0.0) is None
     free, given = (
         information_nats(
-            one.wanted, legs, one.listener, hypotheses=200, others=one.beside.legs(0.0)
+            one.wanted, legs, one.listener, hypotheses=200, others=one.others.legs(0.0)
         ).sum(axis=0)
         for one in (alone, with_other)
-        if one.beside is not None
+        if one.others is not None
     )
     assert np.all(given < free)
     assert given[0] / free[0] < 0.8 * given[1] / free[1]

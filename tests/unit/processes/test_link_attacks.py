@@ -84,9 +84,9 @@ async def flying(
 async def take_off_orders(drone: Guided, link: Any) -> None:
     """Ask for a long leg, confirm it, and wait until the drone flies it."""
     vehicle = drone.bay.autopilot.flown.vehicle
-    vehicle.used_wh = 0.0  # each trial with a full battery
+    vehicle.body.used_wh = 0.0  # each trial with a full battery
     await asyncio.sleep(3.0)  # it comes to rest: residual motion is not taken for a takeover
-    goal = SOUTH if vehicle.north_m > 0.0 else NORTH
+    goal = SOUTH if vehicle.body.north_m > 0.0 else NORTH
     offer = await ask(link, motion_request("goto", (goal,), height_m=40.0))
     assert offer.kind == "offer"
     assert (await confirm(link, offer, sticks_unseen=False)).kind == "state"
@@ -242,7 +242,8 @@ async def test_a_station_of_an_older_version_is_refused_with_the_remedy_and_can_
             else None
         )
         await until(lambda: drone.report is not None and drone.report.fault is None)
-        session, *_ = session_of(drone.bay.process._gate.announcement(DRONE), KEY, DRONE)
+        gate = drone.bay.process._inbox.stations.gate
+        session, *_ = session_of(gate.announcement(DRONE), KEY, DRONE)
         for counter, order in enumerate(
             (
                 encode_request(motion_request("goto", (NORTH,), height_m=40.0)),

@@ -31,8 +31,11 @@ from uavrt.messages import (
     VehicleReport,
     VehicleWish,
 )
-from uavrt.processes.motion_desk import SIMULATOR_NUMBER, MotionDesk, Outlets
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.processes.motion_control import Outlets
+from uavrt.processes.motion_desk import MotionDesk
+from uavrt.processes.reported_autopilot import SIMULATOR_NUMBER
+from uavrt.simulation.airframe import Flavour
+from uavrt.simulation.flying import MODES
 from uavrt.simulation.mission_store import MissionStore
 from uavrt.tunnel.motion import (
     MotionConfirmation,
@@ -78,7 +81,7 @@ class Link:
                 state=lambda payload, _: self.states.append(decode_state(payload)),
                 ask=self.asked.append,
                 record=lambda _, record: self.records.append(record),
-                tell=self.texts.append,
+                text=self.texts.append,
             ),
             own_place=lambda: (1, 191),
             next_request_id=lambda: next(numbers),
@@ -120,12 +123,12 @@ class Link:
             self.flown.vehicle.advance(0.05)
 
     def say(self, payload: bytes, asker: tuple[int, int] = US, *, sealed: bool = True) -> None:
-        self.desk.receive(payload, asker, None, sealed=sealed)
+        self.desk.orders.receive(payload, asker, None, sealed=sealed)
         self.supervisor_answers()
 
     def supervisor_answers(self) -> None:
         for command in self.asked:
-            self.desk.reply(
+            self.desk.orders.reply(
                 CommandReply(
                     request_id=command.request_id, name=command.name, accepted=True, message=""
                 )
@@ -143,7 +146,7 @@ class Link:
         offer = MotionOffer(
             request_id=9, asker=US, order_id=5, nonce=77, summary="hold here", mode=mode
         )
-        self.desk.offer(replace(offer, **fields))
+        self.desk.orders.offer(replace(offer, **fields))
 
     def confirm(self, asker: tuple[int, int] = US, nonce: int = 77) -> MotionState:
         confirmation = MotionConfirmation(
@@ -214,7 +217,7 @@ def test_an_order_that_is_repeated_on_the_way_is_offered_once(link: Link) -> Non
 def test_it_is_flown_when_confirmed_by_who_asked(link: Link) -> None:
     link.offered()
     assert link.confirm(OTHERS).kind == "refused"
-    link.desk.offer(
+    link.desk.orders.offer(
         MotionOffer(
             request_id=9, asker=US, order_id=5, nonce=78, summary="hold", mode="Position"
         )
@@ -252,7 +255,7 @@ def test_a_stop_in_the_moment_of_a_command_makes_it_stand_all_the_same(link: Lin
     assert link.states[-1].text == "stopped by the operator"
     assert [m.param2 for m in link.motions] == [1.0, 0.0, 0.0]
     link.run(20.0)
-    assert link.flown.vehicle.north_m < 60.0
+    assert link.flown.vehicle.body.north_m < 60.0
 
 
 def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) -> None:
@@ -268,9 +271,9 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
     link.run(1.0)
     assert len(link.motions) == sent + 1
     assert link.states[-1].standing == "out"
-    north_m = link.flown.vehicle.north_m
+    north_m = link.flown.vehicle.body.north_m
     link.run(20.0)
-    assert link.flown.vehicle.north_m < north_m + 10.0
+    assert link.flown.vehicle.body.north_m < north_m + 10.0
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
@@ -284,7 +287,7 @@ def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
     own = link.flown.authority.manners.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
     link.desk.wish(VehicleWish(order_id=5))
-    link.desk.offer(
+    link.desk.orders.offer(
         MotionOffer(request_id=11, asker=US, order_id=6, nonce=78, summary="hold", mode=own)
     )
     confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
@@ -354,7 +357,7 @@ def test_a_stop_while_the_port_is_busy_is_none_before_it_has_left(
     assert link.states[-1].text == f"stopped by the operator{flies_on}"
     assert len(link.motions) == (2 if soon else 1)
     link.run(20.0)
-    assert (link.flown.vehicle.north_m < 60.0) == soon
+    assert (link.flown.vehicle.body.north_m < 60.0) == soon
 
 
 def test_a_wish_while_the_port_is_busy_is_refused_and_moves_nothing_later(link: Link) -> None:
@@ -395,7 +398,7 @@ def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(address: s
     link.simulator()
     link.say(request(), sealed=False)
     assert "sealed" in link.states[-1].text
-    link.desk.neighbour(encode_neighbour(ELSEWHERE), US, None, sealed=False)
+    link.desk.neighbours.receive(encode_neighbour(ELSEWHERE), US, None, sealed=False)
     assert link.desk.counters()["neighbours_refused"] == 1
 
 
@@ -503,8 +506,8 @@ CONFIRMED = encode_confirmation(
 
 def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Link) -> None:
     link.offered()
-    link.desk.receive(CONFIRMED, US, None, sealed=True)
-    link.desk.receive(encode_stop(MotionStop(request_id=3)), OTHERS, None, sealed=True)
+    link.desk.orders.receive(CONFIRMED, US, None, sealed=True)
+    link.desk.orders.receive(encode_stop(MotionStop(request_id=3)), OTHERS, None, sealed=True)
     link.supervisor_answers()
     assert link.states[-1].kind == "refused"
     link.fly(60.0)
@@ -514,7 +517,7 @@ def test_a_stop_overtakes_a_confirmation_that_waits_for_the_supervisor(link: Lin
 
 def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) -> None:
     link.offered()
-    link.desk.receive(CONFIRMED, US, None, sealed=True)
+    link.desk.orders.receive(CONFIRMED, US, None, sealed=True)
     link.run(3.0)
     link.supervisor_answers()
     assert link.states[-1].kind == "refused"
@@ -523,10 +526,10 @@ def test_a_confirmation_that_the_supervisor_kept_for_long_is_none(link: Link) ->
 
 def test_a_reply_to_another_command_of_that_number_is_no_leave_to_fly(link: Link) -> None:
     link.offered()
-    link.desk.receive(CONFIRMED, US, None, sealed=True)
+    link.desk.orders.receive(CONFIRMED, US, None, sealed=True)
     number = link.asked[-1].request_id
     other = CommandReply(request_id=number, name="stop_detection", accepted=True, message="")
-    link.desk.reply(other)
+    link.desk.orders.reply(other)
     assert all(one.standing == "out" for one in link.states)
     link.supervisor_answers()
     assert link.states[-1].standing == "confirmed"
@@ -554,15 +557,15 @@ def test_states_tell_of_which_order_they_are(link: Link) -> None:
 def test_a_stop_makes_it_stand_at_a_height_where_nothing_else_is_commanded(
     link: Link, height_m: float, stands_at_m: float
 ) -> None:
-    link.flown.vehicle.height_m = height_m
+    link.flown.vehicle.body.height_m = height_m
     link.run(0.5)
     begin(link, north_m=300.0)
-    link.flown.vehicle.height_m = height_m
+    link.flown.vehicle.body.height_m = height_m
     link.say(encode_stop(MotionStop(request_id=3)))
     assert len(link.motions) == 2
     assert link.motions[-1].z == pytest.approx(430.0 + stands_at_m, abs=0.6)
     link.run(20.0)
-    assert link.flown.vehicle.north_m < 100.0
+    assert link.flown.vehicle.body.north_m < 100.0
 
 
 @pytest.mark.parametrize("kind", [1, 7, 10, 12, 19, 22])
@@ -683,7 +686,7 @@ def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> N
     link.desk.wish(wish)
     link.run(3.0)
     assert len(link.motions) == 1
-    assert link.flown.vehicle.landed
+    assert link.flown.vehicle.ground.landed
 
 
 def fences(link: Link) -> list[VehicleFence]:
@@ -733,7 +736,7 @@ def test_what_is_told_of_another_drone_commands_nothing() -> None:
             link.fly(50.0)
             link.run(0.5)
         before = len(link.motions)
-        link.desk.neighbour(encode_neighbour(ELSEWHERE), US, None, sealed=True)
+        link.desk.neighbours.receive(encode_neighbour(ELSEWHERE), US, None, sealed=True)
         link.run(0.2)
         told = [one for one in link.records if isinstance(one, Neighbour)]
         assert told[-1].granted == 5
@@ -745,15 +748,17 @@ def test_words_on_others_that_are_not_to_be_trusted_are_counted_and_dropped() ->
     link.run(2.0)
     payload = encode_neighbour(ELSEWHERE)
     own = encode_neighbour(replace(ELSEWHERE, vehicle=1))
-    link.desk.neighbour(payload, US, None, sealed=False)
-    link.desk.neighbour(payload, US, "may not command", sealed=True)
-    link.desk.neighbour(payload[:-1], US, None, sealed=True)
-    link.desk.neighbour(own, US, None, sealed=True)
+    link.desk.neighbours.receive(payload, US, None, sealed=False)
+    link.desk.neighbours.receive(payload, US, "may not command", sealed=True)
+    link.desk.neighbours.receive(payload[:-1], US, None, sealed=True)
+    link.desk.neighbours.receive(own, US, None, sealed=True)
     assert link.desk.counters()["neighbours_refused"] == 4
-    link.desk.neighbour(payload, US, None, sealed=True)
-    link.desk.neighbour(payload, OTHERS, None, sealed=True)  # two would give the same way
+    link.desk.neighbours.receive(payload, US, None, sealed=True)
+    link.desk.neighbours.receive(
+        payload, OTHERS, None, sealed=True
+    )  # two would give the same way
     assert link.desk.counters()["neighbours_refused"] == 5
     assert len([one for one in link.records if isinstance(one, Neighbour)]) == 1
     link.simulator()
-    link.desk.neighbour(payload, US, None, sealed=False)
+    link.desk.neighbours.receive(payload, US, None, sealed=False)
     assert link.desk.counters()["neighbours_refused"] == 5

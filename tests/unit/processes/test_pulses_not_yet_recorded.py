@@ -17,7 +17,7 @@ from uavrt.recording.flight_recorder import FlightRecorder
 async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwards(
     bay: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavrt.processes.connection.FIRST_REFILL_NS", 0)
+    monkeypatch.setattr("uavrt.processes.pulse_path.FIRST_REFILL_NS", 0)
     bay.recorder_quick = False
     directory = tmp_path / "flight_log_1"
 

@@ -10,7 +10,7 @@ from tests.unit.processes.test_motion_desk import Link, begin
 from uavrt.guidance.manners import MANNERS
 from uavrt.mavlink.dialect import MavCmd
 from uavrt.messages import FlyThere, TakeMode, TakeOff, VehicleWish, Wish
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 
 STEP_S = 0.05
 OBEYS_S = 0.1

@@ -73,7 +73,7 @@ async def test_a_command_is_answered_by_the_link_that_it_came_by(two_link_bay: B
         by_radio.best = lambda: [1, 0]  # as if Wi-Fi were silent
         await by_wifi.stop_detection()
         await until(lambda: len(bay.commands) == 2)
-        assert bay.process._asked_on == {(254, 190): 0}
+        assert bay.process._inbox.stations._asked_on == {(254, 190): 0}
         assert bay.autopilot.counters()["forwarded_to_ground"] > before
 
 

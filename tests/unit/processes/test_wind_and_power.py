@@ -15,8 +15,9 @@ from uavrt.mavlink.vehicle_messages import WATCHED_HZ
 from uavrt.mavlink.wind import wind_of
 from uavrt.messages import VehicleFence, VehicleReport
 from uavrt.processes import guide
+from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.simulation.flown import ASKED_IDS
-from uavrt.simulation.flying import Flavour, Frame
+from uavrt.simulation.vehicle_telemetry import wind_message
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 BLOWS = (-3.0, 4.0)
@@ -26,7 +27,7 @@ BLOWS = (-3.0, 4.0)
 @BOTH
 def test_each_autopilot_tells_where_the_air_goes(flavour: Flavour) -> None:
     flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
-    message = flown.vehicle.wind(1000)
+    message = wind_message(flown.vehicle, 1000)
     told = wind_of(message)
     assert told == pytest.approx((4.0, -3.0))
     assert message.ID in WATCHED_HZ

@@ -14,7 +14,7 @@ from explored import assert_equal_states_stay_equal, explore
 
 from uavrt.errors import TunnelError
 from uavrt.guidance.offers import Offers
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.seal import SealKeeper
 

@@ -10,7 +10,7 @@ import os
 import pytest
 from campaigns import BEGUN, CROSSED, TAKEOVERS, fault_of, takeover_fault
 
-from uavrt.simulation.flying import Flavour
+from uavrt.simulation.airframe import Flavour
 
 FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "8"))
 INSTANTS = int(os.environ.get("UAVRT_TAKEOVERS", "3"))

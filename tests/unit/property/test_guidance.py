@@ -22,7 +22,9 @@ from searched import Animal, Searched
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Standing
 from uavrt.messages import FlyThere, VehicleWish
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
+from uavrt.simulation.vehicle_telemetry import target_message
 
 HISTORIES = int(os.environ.get("UAVRT_HISTORIES", "200"))
 ROUGH = 2 * HISTORIES // 5
@@ -213,10 +215,10 @@ def test_after_a_takeover_not_one_more_command_leaves(flavour: Flavour) -> None:
         happened[name] += 1
         order_id = flown.authority.order_id
         for _ in range(8):
-            before = flown.vehicle.position_target(0)
+            before = target_message(flown.vehicle, 0)
             event(flown, rng)
             same = flavour == "px4" and name in SAME_PLACE
-            same = same and same_to_5_cm(before, flown.vehicle.position_target(0))
+            same = same and same_to_5_cm(before, target_message(flown.vehicle, 0))
             undone = same or name in TAKEN_BACK
             again = watch(flown, shown_s[flavour == "ardupilot"], undone=undone, same=same)
             if not again and (is_out(flown) or not same):
@@ -288,7 +290,7 @@ def take_over(
     """Let it happen, with a stop so long after it; give how often ours undid it."""
     crossings = 0
     for _ in range(8):
-        before = flown.vehicle.position_target(0)
+        before = target_message(flown.vehicle, 0)
         if stop_s is not None and stop_s < 0.0:
             flown.stop()
             flown.run(-stop_s)
@@ -301,7 +303,7 @@ def take_over(
             at_s = flown.time_s + stop_s
             flown.each_step = once(flown, at_s, flown.each_step)
         same = flown.flavour == "px4" and name in SAME_PLACE
-        same = same and same_to_5_cm(before, flown.vehicle.position_target(0))
+        same = same and same_to_5_cm(before, target_message(flown.vehicle, 0))
         undone = same or name in TAKEN_BACK
         again = watch(flown, shown_s + slack_s, undone=undone, same=same)
         if not again and (is_out(flown) or not same):

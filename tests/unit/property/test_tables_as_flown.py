@@ -15,7 +15,8 @@ from campaigns import WELL, Framed
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits, Order
 from uavrt.planning.vehicle import VehicleState
-from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import MODES
 from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.flight import Outcome
@@ -38,8 +39,8 @@ class BehindTheLink(Framed):
     ) -> None:
         super().__init__(flavour, frame=frame, limits=limits)
         vehicle = self.vehicle
-        vehicle.north_m, vehicle.east_m = start.north_m, start.east_m
-        vehicle.height_m, vehicle.yaw_deg = start.height_m, start.yaw_deg % 360.0
+        vehicle.body.north_m, vehicle.body.east_m = start.north_m, start.east_m
+        vehicle.body.height_m, vehicle.heading.yaw_deg = start.height_m, start.yaw_deg % 360.0
         vehicle.set_mode(MODES[flavour]["hold"])
         self.run(SETTLES_S)
 

@@ -13,7 +13,8 @@ from searched import Animal
 from together import Together
 
 from uavrt.guidance.neighbours import SEPARATION
-from uavrt.simulation.flying import MODES, Frame
+from uavrt.simulation.airframe import Frame
+from uavrt.simulation.flying import MODES
 
 FLIGHTS = int(os.environ.get("UAVRT_TOGETHER", "2"))
 
@@ -60,9 +61,9 @@ def flown(seed: int) -> Flight:
         silent = search.drones[int(rng.integers(count))]
         search.silent.add(silent.number)
         search.run(30.0)
-        place = silent.flown.vehicle.place_m
+        place = silent.flown.vehicle.body.place_m
         search.run(20.0)
-        moved = float(np.hypot(*np.subtract(silent.flown.vehicle.place_m, place)))
+        moved = float(np.hypot(*np.subtract(silent.flown.vehicle.body.place_m, place)))
     heard = [one for one in search.drones if one is not silent]
     search.run(500.0, until=lambda: all(one.out for one in heard))
     return Flight(

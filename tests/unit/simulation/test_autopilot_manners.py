@@ -10,7 +10,9 @@ from some import some
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavResult
-from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.airframe import Flavour, Frame
+from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, FlyingVehicle
+from uavrt.simulation.vehicle_telemetry import home_message, position_message, target_message
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 STEP_S = 0.05
@@ -39,7 +41,7 @@ def fly(vehicle: FlyingVehicle, seconds: float) -> None:
 
 
 def target(vehicle: FlyingVehicle) -> dialect.PositionTargetGlobalInt:
-    return some(vehicle.position_target(0))
+    return some(target_message(vehicle, 0))
 
 
 def test_arducopter_stops_when_it_is_paused_and_shows_it_in_no_message() -> None:
@@ -49,15 +51,15 @@ def test_arducopter_stops_when_it_is_paused_and_shows_it_in_no_message() -> None
     before = target(vehicle)
     assert pause(vehicle) == MavResult.ACCEPTED
     fly(vehicle, 6.0)
-    stood = vehicle.north_m
+    stood = vehicle.body.north_m
     fly(vehicle, 20.0)
-    assert vehicle.north_m == pytest.approx(stood, abs=0.01)
+    assert vehicle.body.north_m == pytest.approx(stood, abs=0.01)
     assert stood < 60.0
     assert vehicle.mode == MODES["ardupilot"]["hold"]
     assert (target(vehicle).lat_int, target(vehicle).alt) == (before.lat_int, before.alt)
     assert pause(vehicle, 1.0) == MavResult.ACCEPTED
     fly(vehicle, 40.0)
-    assert vehicle.north_m == pytest.approx(100.0, abs=0.3)
+    assert vehicle.body.north_m == pytest.approx(100.0, abs=0.3)
 
 
 def test_a_pause_is_refused_outside_guided_and_unknown_to_px4() -> None:
@@ -71,14 +73,14 @@ def test_px4_looks_along_the_bearing_from_beside_its_line() -> None:
     vehicle = hovering("px4", speed_m_s=5.0)
     go(vehicle, 0.0, 40.0)
     fly(vehicle, 4.0)
-    go(vehicle, 100.0, vehicle.east_m + 1.0)  # a new leg, begun with speed across it
+    go(vehicle, 100.0, vehicle.body.east_m + 1.0)  # a new leg, begun with speed across it
     bearings: list[tuple[float, float, float]] = []
-    while vehicle.north_m < 97.0:
+    while vehicle.body.north_m < 97.0:
         vehicle.advance(STEP_S)
-        north, east = 100.0 - vehicle.north_m, target(vehicle).lon_int
+        north, east = 100.0 - vehicle.body.north_m, target(vehicle).lon_int
         _, wanted_east = vehicle.plane.to_local(HOME.latitude_deg, east / 1e7)
-        bearing = math.degrees(math.atan2(wanted_east - vehicle.east_m, north))
-        yaw = (vehicle.yaw_deg + 180.0) % 360.0 - 180.0
+        bearing = math.degrees(math.atan2(wanted_east - vehicle.body.east_m, north))
+        yaw = (vehicle.heading.yaw_deg + 180.0) % 360.0 - 180.0
         bearings.append((north, bearing, yaw))
     far = next(one for one in bearings if one[0] < 40.0)
     assert abs(far[1]) < 6.0
@@ -96,17 +98,17 @@ def test_a_stop_that_is_told_while_it_speeds_up_is_overshot_and_it_turns_back(
     vehicle = hovering(flavour, speed_m_s=5.0)
     go(vehicle, 100.0, 0.0)
     fly(vehicle, after_s)
-    stop_m = vehicle.north_m + vehicle.velocity_m_s[0] ** 2 / 3.0
+    stop_m = vehicle.body.north_m + vehicle.body.velocity_m_s[0] ** 2 / 3.0
     go(vehicle, stop_m, 0.0)
     farthest = turned = 0.0
     for _ in range(160):
         vehicle.advance(STEP_S)
-        farthest = max(farthest, vehicle.north_m)
-        turned = max(turned, abs((vehicle.yaw_deg + 180.0) % 360.0 - 180.0))
+        farthest = max(farthest, vehicle.body.north_m)
+        turned = max(turned, abs((vehicle.heading.yaw_deg + 180.0) % 360.0 - 180.0))
     assert 3.0 < farthest - stop_m < 4.2
     assert turned > 60.0
     fly(vehicle, 8.0)
-    assert vehicle.north_m == pytest.approx(stop_m, abs=0.3)
+    assert vehicle.body.north_m == pytest.approx(stop_m, abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -133,12 +135,12 @@ def test_autopilots_pass_their_target_and_come_back_as_measured(
     places = []
     for _ in range(1000):
         vehicle.advance(STEP_S)
-        places.append(vehicle.north_m - way_m)
+        places.append(vehicle.body.north_m - way_m)
     near = next(number for number, off in enumerate(places) if off > -3.0)
     outside = max(number for number, off in enumerate(places) if abs(off) > 0.5)
     assert beyond_m[0] <= max(places) <= beyond_m[1]
     assert back_s[0] <= (outside - near) * STEP_S <= back_s[1]
-    assert vehicle.north_m == pytest.approx(way_m, abs=0.2)
+    assert vehicle.body.north_m == pytest.approx(way_m, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -149,12 +151,12 @@ def test_turns_reach_the_measured_rate(
     flavour: Flavour, turn_deg: float, rate_deg_s: float
 ) -> None:
     vehicle = hovering(flavour)
-    towards = math.radians(vehicle.yaw_deg + turn_deg)
+    towards = math.radians(vehicle.heading.yaw_deg + turn_deg)
     go(vehicle, 200.0 * math.cos(towards), 200.0 * math.sin(towards))
     highest = 0.0
     for _ in range(120):
         vehicle.advance(STEP_S)
-        highest = max(highest, abs(vehicle.yaw_rate_deg_s))
+        highest = max(highest, abs(vehicle.heading.rate_deg_s))
     assert highest == pytest.approx(rate_deg_s, rel=0.15)
 
 
@@ -162,12 +164,12 @@ def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> 
     vehicle = hovering("px4")
     go(vehicle, 0.0, 0.0, math.radians(170.0))
     fly(vehicle, 1.5)
-    then = vehicle.yaw_deg
+    then = vehicle.heading.yaw_deg
     go(vehicle, 0.0, 0.0, math.radians(then))
     furthest = then
     for _ in range(60):
         vehicle.advance(STEP_S)
-        furthest = max(furthest, vehicle.yaw_deg)
+        furthest = max(furthest, vehicle.heading.yaw_deg)
     assert 25.0 < furthest - then < 50.0
 
 
@@ -180,7 +182,7 @@ def taking_off(flavour: Flavour) -> Flown:
 def test_px4_turns_its_setpoint_on_when_it_is_sent_elsewhere_in_a_turn() -> None:
     """In SIH the setpoint turned on by 8.7°: at 22°/s towards 22°, commanded to −60°."""
     vehicle = hovering("px4", speed_m_s=5.0)
-    vehicle.yaw_deg = 340.0
+    vehicle.heading.yaw_deg = 340.0
     go(vehicle, 50.0, 20.0)
     fly(vehicle, 0.8)
     before_deg = setpoint_yaw_deg(vehicle)
@@ -208,14 +210,14 @@ def test_only_px4_corrects_the_altitude_of_home_after_a_takeoff(flavour: Flavour
     alt_jumps, above_jumps, last = 0, 0, None
     for _ in range(1200):
         flown.step()
-        seen = flown.vehicle.position(0)
+        seen = position_message(flown.vehicle, 0)
         if last is not None:
             alt_jumps += abs(seen.alt - last.alt) > 700
             above_jumps += abs(seen.relative_alt - last.relative_alt) > 700
         last = seen
     assert not alt_jumps
     assert (above_jumps > 20) is (flavour == "px4")
-    home = flown.vehicle.home().altitude / 1e3 - HOME.altitude_amsl_m
+    home = home_message(flown.vehicle).altitude / 1e3 - HOME.altitude_amsl_m
     assert (abs(home) > 2.0) is (flavour == "px4")
 
 
@@ -224,15 +226,15 @@ def test_arducopter_tells_no_target_while_another_asks_for_a_velocity() -> None:
     go(vehicle, 100.0, 0.0)
     fly(vehicle, 3.0)
     vehicle.ask_velocity(0.0, 2.0, 0.0)
-    assert vehicle.position_target(0) is None
-    east = vehicle.east_m
+    assert target_message(vehicle, 0) is None
+    east = vehicle.body.east_m
     fly(vehicle, 2.5)
-    assert vehicle.east_m > east + 1.0
+    assert vehicle.body.east_m > east + 1.0
     fly(vehicle, 10.0)
-    assert math.hypot(*vehicle.velocity_m_s) < 0.1
-    assert vehicle.position_target(0) is None
+    assert math.hypot(*vehicle.body.velocity_m_s) < 0.1
+    assert target_message(vehicle, 0) is None
     go(vehicle, 100.0, 0.0)
-    assert vehicle.position_target(0) is not None
+    assert target_message(vehicle, 0) is not None
 
 
 def test_a_settled_px4_shows_the_very_heading_that_was_sent() -> None:

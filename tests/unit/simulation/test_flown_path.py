@@ -45,14 +45,14 @@ def test_level_frequency_and_direction_are_those_of_where_it_flew(tmp_path: Path
     world = World(scenario, FlownPath(tmp_path / "path", scenario.plane))
     tag = scenario.tag[0]
     heard = world.pulse(tag, 17)
-    place = vehicle.place_m
+    place = vehicle.body.place_m
     stood = replace(
         scenario,
         flight=Flight(
             north_m=place[0],
             east_m=place[1],
-            height_m=vehicle.shown_height_m,
-            heading_deg=vehicle.yaw_deg,
+            height_m=vehicle.body.shown_height_m,
+            heading_deg=vehicle.heading.yaw_deg,
             wobble_deg=0.0,
         ),
     )
@@ -83,7 +83,7 @@ def test_motion_is_carried_on_for_half_a_second(tmp_path: Path) -> None:
     path = FlownPath(tmp_path / "path", scenario.plane)
     end_ns = scenario.start_time_ns + 5 * SECOND_NS
     last = some(path.state(end_ns))
-    speed = vehicle.vehicle.velocity_m_s[1]
+    speed = vehicle.vehicle.body.velocity_m_s[1]
     assert last.velocity_ned_m_s[1] == pytest.approx(speed, abs=0.5)
     for later_s, carried_s in ((0.1, 0.1), (3.0, 0.5)):
         state = some(path.state(end_ns + round(later_s * SECOND_NS)))

@@ -2,7 +2,7 @@
 
 Ways of several lengths in sixteen directions, to each tag, past it on both sides, and a turn
 in place are weighed. What a tag is worth is held at what it still needs until it is found: ways
-that tell more of a tag than is wished for gain nothing by it.
+that give more information on a tag than is wished for gain nothing by it.
 """
 
 import numpy as np
@@ -50,11 +50,11 @@ _CONSTANCY = 0.15
 """Share by which another tag must give a higher rate than the present one before the drone
 changes to it, while it keeps away from animals or drones; each refused path changes rates."""
 _LISTENS_NATS = 1.5
-"""A turn tells so much more of an animal that may be near, or it is not made for that alone."""
+"""Least information on an animal that may be near for which alone a turn is made."""
 _NEAR = 0.25
 """Lowest probability of a near animal at which the drone leaves instead of turning."""
 _VAGUE = 1.5
-"""Times the distance to keep that a tag's cloud is wide where a turn is to tell where it is."""
+"""Factor on the distance to keep: a turn locates only tags whose clouds are wider."""
 
 
 class MiRate:
@@ -64,10 +64,7 @@ class MiRate:
     these keeps it, the drone waits, or turns to locate the animals, before it flies one that
     does not.
 
-    Parameters
-    ----------
-    rotation_s : float
-        Duration of a turn in place, which is rated if the antenna is directional.
+    `rotation_s`: duration of a turn in place, which is rated if the antenna is directional.
     """
 
     def __init__(self, *, rotation_s: float = 12.0) -> None:
@@ -83,7 +80,7 @@ class MiRate:
         if not exploring and (
             not ways.allowed.any() or any(map(_by_animals_only, ways.refused))
         ):
-            # Round an animal, or away from it; past another drone that stays beside the tag.
+            # Round an animal, or away from it; past another drone that stays at the tag.
             ways, spans, legs, goals = self._ways(situation, exploring=True)
         return self._best(situation, ways, spans, legs, goals)
 
@@ -112,7 +109,7 @@ class MiRate:
         if len(wanted) > 1:
             rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
         goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
-        alone = situation.keep_away is None and situation.beside is None
+        alone = situation.keep_away is None and situation.others is None
         more = 0.0 if alone else _CONSTANCY
         kept = rate * np.where(goes_on, 1.0 + more, 1.0)
         best = int(np.argmax(np.where(allowed, kept, -np.inf)))
@@ -217,7 +214,7 @@ class MiRate:
         strong = ~np.isfinite(spans)
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
-        # At a tag it stays for some pulses: the last metres tell most.
+        # At a tag it stays for some pulses: the last metres give most.
         fixed = _DIRECTIONS * len(horizons)
         staying = np.where(np.flatnonzero(useful) >= fixed, _STAY_S, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
@@ -279,7 +276,7 @@ class MiRate:
         """Wait where it may stay; turn where an animal may be near but hardly is.
 
         Where little is known of an animal every way leads as probably to it as away from it,
-        and a turn tells which: later no time is to be lost, it may walk to the drone.
+        and a turn shows which: later there is no time, it may walk to the drone.
         """
         stay = here(situation)
         if stay.refused[0] is None:
@@ -309,14 +306,14 @@ class MiRate:
         )
 
     def _turns(self, situation: Situation) -> bool:
-        """Whether a turn in place tells anything, and can be made."""
+        """Whether a turn in place gives information, and can be made."""
         directional = any(one.prior.pattern is not None for one in situation.wanted)
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
     def _nats(self, situation: Situation, legs: Legs) -> _Floats:
         """(tags, ways) information on each tag that is wanted, beyond what others will hear."""
-        beside = situation.beside
-        others = None if beside is None else beside.legs(situation.state.time_s)
+        drones = situation.others
+        others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(
             situation.wanted, legs, situation.listener, hypotheses=_HYPOTHESES, others=others
         )

@@ -17,13 +17,7 @@ PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
 
 
 def planner_named(name: str) -> Planner:
-    """A new planner of that name.
-
-    Raises
-    ------
-    UsageError
-        No planner has this name; the text lists those that exist.
-    """
+    """A new planner of that name; raises `UsageError` if there is none."""
     if name not in PLANNERS:
         raise UsageError(
             f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"

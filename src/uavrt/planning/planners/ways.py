@@ -57,7 +57,7 @@ def checked(
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
-    refused = _beside_others(situation, east_m, north_m, refused)
+    refused = _near_others(situation, east_m, north_m, refused)
     if not situation.vehicle.hovers:
         refused = _circling(situation, east_m, north_m, refused)
     kept = np.ones(len(east_m))
@@ -79,20 +79,20 @@ def checked(
     return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
 
 
-def _beside_others(
+def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
     """Refuse paths that come too near to those of other drones.
 
     For drones that are too near already, only paths that bring them nearer are refused.
     """
-    beside, state = situation.beside, situation.state
-    if beside is None or not beside.strips:
+    others, state = situation.others, situation.state
+    if others is None or not others.strips:
         return refused
-    apart, start = beside.separation, (state.east_m, state.north_m)
-    near = beside.strips_apart_m(start, east_m, north_m)
+    apart, start = others.separation, (state.east_m, state.north_m)
+    near = others.strips_apart_m(start, east_m, north_m)
     place = np.array([state.east_m]), np.array([state.north_m])
-    now = float(beside.strips_apart_m(start, *place)[0])
+    now = float(others.strips_apart_m(start, *place)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
     reason = f"within {apart.distance_m:.0f} m of another drone's way"
     return [

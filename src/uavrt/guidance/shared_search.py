@@ -1,4 +1,4 @@
-"""One drone among others: what it was told, what it asks for, what it says of itself. Pure.
+"""One drone of several: what it knows of the others, asks for, and reports of itself. Pure.
 
 While a ground station serves several, a way is flown only after the ground has given it: it
 gives none that was chosen without knowing all ways of the others. That withholds ways and
@@ -14,16 +14,16 @@ from uavrt.guidance.neighbours import SEPARATION, nearest_m, strips_of
 from uavrt.guidance.orders import Place, VehicleNow
 from uavrt.guidance.pilot import standing_place
 from uavrt.messages import Course, Neighbour
-from uavrt.planning.beside import Beside
+from uavrt.planning.other_drones import OtherDrones
 from uavrt.tangent_plane import TangentPlane
 
 if TYPE_CHECKING:
     from uavrt.guidance.seeker import Choice
 
-TOLD_S = 10.0
-"""Others that were told so lately are there."""
+REPORT_AGE_S = 10.0
+"""Longest age of a report on others that counts as present."""
 ANSWER_S = 3.0
-"""So long it waits for a way."""
+"""Longest wait for a way that was asked for."""
 _ROUND = 0x10000
 _Tag = TypeVar("_Tag")
 
@@ -36,7 +36,7 @@ class _Asked:
     asked_s: float
 
 
-class Company:
+class SharedSearch:
     """The others, as one drone knows them.
 
     `sequence`: of its first word; drawn at random, for a guide that restarts.
@@ -44,7 +44,7 @@ class Company:
 
     def __init__(self, sequence: int = 0) -> None:
         self._sequence = self._number = sequence % _ROUND
-        self._told_s: float | None = None
+        self._reported_s: float | None = None
         self._others: dict[int, tuple[Neighbour, float]] = {}
         self._asked: _Asked | None = None
         self._granted: bool | None = None
@@ -57,41 +57,36 @@ class Company:
         """None: it stays where it is."""
         self._returning = False
 
-    def take(self, told: Neighbour, now_s: float) -> None:
-        """Take what the ground tells."""
-        self._told_s = now_s
+    def take(self, report: Neighbour, now_s: float) -> None:
+        """Take the ground's report of another drone."""
+        self._reported_s = now_s
         asked = self._asked
-        if asked is not None and asked.number in (told.granted, told.denied):
-            self._granted = told.granted == asked.number
-        if told.course is not None:
-            self._others[told.vehicle] = (told, now_s)
+        if asked is not None and asked.number in (report.granted, report.denied):
+            self._granted = report.granted == asked.number
+        if report.course is not None:
+            self._others[report.vehicle] = (report, now_s)
 
-    def told(self, now_s: float) -> bool:
-        """Whether a ground station tells of others now."""
-        return self._told_s is not None and now_s - self._told_s < TOLD_S
+    def informed(self, now_s: float) -> bool:
+        """Whether a ground station reports others now."""
+        return self._reported_s is not None and now_s - self._reported_s < REPORT_AGE_S
 
     def speaks(self, now_s: float) -> bool:
         """Whether it says where it goes; asking for a way, also to a station that is new."""
-        return self.told(now_s) or self.waits
+        return self.informed(now_s) or self.waits
 
     def has_others(self, now_s: float) -> bool:
         """Whether ways must be asked for."""
-        return bool(self._others) or self.told(now_s)
+        return bool(self._others) or self.informed(now_s)
 
     def others(self, now_s: float) -> tuple[Neighbour, ...]:
         """All that are known, each as old as it is by now."""
         return tuple(
-            replace(one, age_s=one.age_s + now_s - told_s)
-            for one, told_s in self._others.values()
+            replace(one, age_s=one.age_s + now_s - reported_s)
+            for one, reported_s in self._others.values()
         )
 
-    # ------------------------------------------------------------------ a search
-
     def check(self, now: VehicleNow, height_m: float) -> None:
-        """Refuse to search too near another, or at its height.
-
-        Raises `PlanError`: with the vehicle, and what to do.
-        """
+        """Refuse to search too near another, or at its height; raises `PlanError`."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = plane.to_local(now.latitude_deg, now.longitude_deg)
         amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
@@ -99,9 +94,9 @@ class Company:
             course = one.course
             if course is None or not course.searching:
                 continue
-            beside = Beside(separation=SEPARATION, strips=strips_of((one,), plane))
+            drones = OtherDrones(separation=SEPARATION, strips=strips_of((one,), plane))
             place = (float(here[0]), float(here[1]))
-            off = nearest_m(beside, [place, place])
+            off = nearest_m(drones, [place, place])
             if off < SEPARATION.distance_m:
                 raise PlanError(
                     f"the way of vehicle {one.vehicle} is {off:.0f} m from here",
@@ -115,11 +110,11 @@ class Company:
                 )
 
     def begin(self, now_s: float) -> None:
-        """Begin an order: who was not told of lately is not there."""
+        """Begin an order, without drones whose reports are too old."""
         self._others = {
-            vehicle: (one, told_s)
-            for vehicle, (one, told_s) in self._others.items()
-            if now_s - told_s < TOLD_S
+            vehicle: (one, reported_s)
+            for vehicle, (one, reported_s) in self._others.items()
+            if now_s - reported_s < REPORT_AGE_S
         }
         self._choice = None
         self.end()
@@ -176,20 +171,18 @@ class Company:
         stand = here if self._goal is None else standing_place(now, self._goal)
         places = [plane.to_local(*place) for place in (here, stand, end)]
         strips = strips_of(self.others(now.time_s), plane)
-        beside = Beside(separation=SEPARATION, strips=strips)
-        off = nearest_m(beside, [(float(x), float(y)) for x, y in places])
+        drones = OtherDrones(separation=SEPARATION, strips=strips)
+        off = nearest_m(drones, [(float(x), float(y)) for x, y in places])
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
         """Fly, stay or return without asking: alone, on what it owns, or for safety."""
         self._asked, self._goal, self._returning = None, goal, returning
 
-    # ------------------------------------------------------------------ its own word
-
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """What it says of itself now; other tags come first each time."""
+        """Report its own way; other tags come first each time."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

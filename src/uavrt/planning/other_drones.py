@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
+from uavrt.planning.area import ways_apart_m
 from uavrt.planning.vehicle import Legs, Path
 
 _Floats = NDArray[np.float64]
-_Place = tuple[float | _Floats, float | _Floats]
 Strip = tuple[tuple[float, float], tuple[float, float]]
 """East and north of a straight way's begin and end [m]."""
 _STEP_S = 1.0
@@ -22,10 +22,8 @@ _SAMPLES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """How far apart drones stay: in place by their ways, and each at a height of its own.
+    """How far apart drones stay: over ground by their ways, and in height.
 
-    `distance_m`: over ground.
-    `height_m`: between two drones' heights.
     `margin`: factor on the distance when a planner chooses; less is flown where nothing else is
     left.
     """
@@ -44,7 +42,7 @@ class Separation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beside:
+class OtherDrones:
     """What one drone knows of the other drones before it decides."""
 
     separation: Separation
@@ -61,7 +59,7 @@ class Beside:
         """(ways,) least distance of straight ways from all strips."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
-            least = np.minimum(least, _apart_m(start_m, east_m, north_m, one))
+            least = np.minimum(least, ways_apart_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:
@@ -86,45 +84,6 @@ class Beside:
             north_m=np.array([north for _, north in places]),
             yaw_deg=np.array(yaw),
         )
-
-
-def _apart_m(
-    start_m: tuple[float, float], east_m: _Floats, north_m: _Floats, strip: Strip
-) -> _Floats:
-    """(ways,) least distance of straight ways from a strip.
-
-    Two straight lines come nearest at an end of one of them, unless they cross.
-    """
-    (a, b), (c, d) = start_m, (east_m, north_m)
-    (p, q), (r, s) = strip
-    ends = (
-        _off(np.full(len(c), p), np.full(len(c), q), (a, b), (c, d)),
-        _off(np.full(len(c), r), np.full(len(c), s), (a, b), (c, d)),
-        _off(np.full(len(c), a), np.full(len(c), b), (p, q), (r, s)),
-        _off(c, d, (p, q), (r, s)),
-    )
-    sides = (
-        _side((a, b), (c, d), (p, q)) * _side((a, b), (c, d), (r, s)),
-        _side((p, q), (r, s), (a, b)) * _side((p, q), (r, s), (c, d)),
-    )
-    crosses = (sides[0] < 0.0) & (sides[1] < 0.0)
-    return np.where(crosses, 0.0, np.min(ends, axis=0))
-
-
-def _off(x: _Floats, y: _Floats, begin: _Place, end: _Place) -> _Floats:
-    """How far places are from straight lines."""
-    dx, dy = end[0] - begin[0], end[1] - begin[1]
-    along = (x - begin[0]) * dx + (y - begin[1]) * dy
-    share = np.clip(along / np.maximum(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
-    return np.hypot(x - begin[0] - share * dx, y - begin[1] - share * dy)
-
-
-def _side(begin: _Place, end: _Place, place: _Place) -> _Floats:
-    """On which side of a straight line a place is."""
-    return np.asarray(
-        (end[0] - begin[0]) * (place[1] - begin[1])
-        - (end[1] - begin[1]) * (place[0] - begin[0])
-    )
 
 
 def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:

@@ -1,0 +1,147 @@
+"""Decisions of a search under its order, the wind, and other drones. Pure."""
+
+from collections.abc import Sequence
+from math import atan2, degrees, hypot
+
+import numpy as np
+
+from uavrt.guidance.neighbours import MISSING_S, SEPARATION, nearest_m, other_drones_of
+from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.plans import too_windy
+from uavrt.guidance.search_task import CYCLE_S, SearchTask
+from uavrt.localization.position.trackers import TrackEstimate
+from uavrt.messages import FoundTag, Neighbour
+from uavrt.planning.actions import Action, FlyTo, Hold, Return
+from uavrt.planning.other_drones import OtherDrones
+from uavrt.planning.search import Found, Search
+from uavrt.planning.situation import Decision
+from uavrt.planning.vehicle import VehicleState
+
+RADIUS50_OF_95 = 0.481
+"""Of a circle around a normal distribution: sqrt(ln 2 / ln 20)."""
+ROUNDED_M = 0.5
+"""What a radius loses or gains on the wire."""
+_POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+
+
+class SearchDecisions:
+    """Decides for one search; `held` are the tags that it keeps where others search, too."""
+
+    def __init__(self, task: SearchTask, search: Search) -> None:
+        self._task, self._search = task, search
+        self.held: tuple[int, ...] = ()
+
+    def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
+        """Take tags as found, here or by another drone; get the new ones.
+
+        Another's only as well as was wished here, within the area, and while it reports a
+        search: its word may be false or of another search, and ends this one when no tag is
+        left.
+        """
+        new = []
+        for one in others:
+            course = one.course
+            if course is None or not course.searching or one.age_s > MISSING_S:
+                continue
+            for tag in course.found:
+                found = self._found_by(one.vehicle, tag, time_s)
+                if found is not None:
+                    self._search.found[tag.tag_id] = found
+                    new.append(tag.tag_id)
+        return [*new, *self._search.judge(time_s)]
+
+    def _found_by(self, vehicle: int, tag: FoundTag, time_s: float) -> Found | None:
+        belief = self._search.beliefs.get(tag.tag_id)
+        if belief is None or tag.tag_id in self._search.found:
+            return None
+        east, north = self._task.local_m(*tag.place)
+        box, wish = belief.prior.area, self._task.order.wish_m
+        inside = (
+            box.west_m - wish <= east <= box.east_m + wish
+            and box.south_m - wish <= north <= box.north_m + wish
+        )
+        if not inside or tag.radius95_m > wish + ROUNDED_M:
+            return None
+        return Found(
+            time_s=time_s,
+            estimate=TrackEstimate(
+                east_m=east,
+                north_m=north,
+                radius50_m=RADIUS50_OF_95 * tag.radius95_m,
+                radius95_m=tag.radius95_m,
+                level_db=belief.estimate().level_db,
+            ),
+            reason=f"vehicle {vehicle} found it, 95 % within {tag.radius95_m:.0f} m",
+        )
+
+    def decide(
+        self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
+    ) -> Decision:
+        """Decide what to fly from a state; a way that must not be flown becomes a stay."""
+        task, search = self._task, self._search
+        drones = None
+        if others:
+            drones, self.held = other_drones_of(
+                others,
+                state,
+                task.plane,
+                search.beliefs,
+                search.found,
+                self.held,
+                speed_m_s=task.limits.speed_m_s,
+            )
+        if state.time_s >= task.order.duration_s and not search.finished:
+            return Decision(action=Return(), reason="the time is over")
+        windy = too_windy(now, task.limits)
+        if windy is not None:
+            return Decision(action=Return(), reason=windy)
+        if now.energy is not None:
+            search.know_energy(now.energy)
+        decision = search.decide(state, wind=now.wind, battery=task.battery(now), others=drones)
+        reason = self._entered(decision.action, state, now)
+        if reason is None and drones is not None:
+            reason = _meets(decision.action, state, drones)
+        if reason is None:
+            return decision
+        return Decision(action=Hold(duration_s=CYCLE_S), reason=f"{decision.action} {reason}")
+
+    def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
+        """How an action leads over people or buildings, whoever has planned it.
+
+        From where the drone is and from where it comes to a stand: it may do either first.
+        """
+        goal = goal_of(action)
+        if goal is None:
+            return None
+        here, stand = self._task.here_m(now), (state.east_m, state.north_m)
+        for begins in ([here], [here, stand]):
+            reason = self._search.settings.area.entered(*np.array([*begins, goal]).T)
+            if reason is not None:
+                return reason
+        return None
+
+    def text(self, action: Action, now: VehicleNow) -> str:
+        """Describe an action for the operator."""
+        goal = goal_of(action)
+        if goal is None:
+            return str(action)
+        here = self._task.here_m(now)
+        east, north = goal[0] - here[0], goal[1] - here[1]
+        point = _POINTS[round(degrees(atan2(east, north)) / 45.0) % 8]
+        return f"fly {hypot(east, north):.0f} m {point}"
+
+
+def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
+    """How an action leads too near to another drone's way, whoever has planned it."""
+    goal = goal_of(action)
+    if goal is None:
+        return None
+    near = nearest_m(drones, [(state.east_m, state.north_m), goal])
+    if near >= SEPARATION.distance_m:
+        return None
+    return f"comes within {near:.0f} m of another drone's way"
+
+
+def goal_of(action: Action) -> tuple[float, float] | None:
+    """East and north of the place that an action flies to; None where it stays."""
+    return (action.east_m, action.north_m) if isinstance(action, FlyTo) else None

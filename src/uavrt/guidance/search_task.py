@@ -1,0 +1,226 @@
+"""What a search is to find, where and with what: made once of an order, or refused. Pure."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import cos, pi, sin
+
+import numpy as np
+
+from uavrt.errors import PlanError
+from uavrt.guidance.heights import check_height
+from uavrt.guidance.lessons import energy_of
+from uavrt.guidance.manners import Manners
+from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.guidance.plans import area_of, check_battery, multirotor_of, reserve_wh
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.position.trackers import TagPrior
+from uavrt.messages import Tag
+from uavrt.planning.area import Polygon
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.energy import Battery
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.planners.mi_rate import MiRate
+from uavrt.planning.planners.registry import planner_named
+from uavrt.planning.search import Search
+from uavrt.planning.situation import Planner, SearchSettings
+from uavrt.planning.stopping import HonestStop
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain.hill_losses import HillLosses
+
+CYCLE_S = 5.0
+"""Between two decisions under way."""
+KEPT_AWAY = 0.99
+"""Probability, for each way and tag, that the animals are kept away from."""
+AWAY_MARGIN = 1.4
+"""Of the distance that ways are planned with: a walking animal turns, and each of a thousand
+decisions may be the one in a hundred that was wrong."""
+TAG_HEIGHT_M = 0.5
+FEW_TAGS = 5
+PARTICLES, FEWER_PARTICLES = 10_000, 4_000
+"""Of each tag, up to `FEW_TAGS` and beyond."""
+TURN_STEP_S = 2.7
+"""From one heading to the next, by steps."""
+_CORNERS = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equipment:
+    """What the drone searches with."""
+
+    pattern: AntennaPattern | None
+    """None: an upright monopole."""
+    yaw_offset_deg: float = 0.0
+    """Of the boresight, clockwise from the nose."""
+    k: int = 0
+    """Pulses of a group; 0: as each tag says."""
+    planner: str = "mi_rate"
+    seed: int = 1
+    hills: HillLosses | None = None
+    """The ground around home: it weakens pulses, and explains silence. None is level."""
+    known: Mapping[int, TagPrior] = field(default_factory=dict)
+    """Known strength and motion of some tags, by number; the others have the usual prior."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchTask:
+    """A search order, and all that does not change while it is flown."""
+
+    order: Order
+    tags: tuple[Tag, ...]
+    limits: Limits
+    manners: Manners
+    equipment: Equipment
+    height_m: float
+    """Above home."""
+    plane: TangentPlane
+    """Around home."""
+    outline: tuple[Place, ...]
+
+    @classmethod
+    def of(
+        cls,
+        order: Order,
+        listed: Sequence[Tag],
+        now: VehicleNow,
+        limits: Limits,
+        manners: Manners,
+        equipment: Equipment,
+    ) -> "SearchTask":
+        """Make the task; raises `PlanError` for its tags, outline or height."""
+        tags = _wanted(order, listed)
+        plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+        height_m = now.altitude_relative_m if order.height_m is None else order.height_m
+        outline = order.places or _circle(order, now, plane)
+        check_height(height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
+        return cls(
+            order=order,
+            tags=tags,
+            limits=limits,
+            manners=manners,
+            equipment=equipment,
+            height_m=height_m,
+            plane=plane,
+            outline=outline,
+        )
+
+    def search(self, now: VehicleNow) -> Search:
+        """Begin with prior beliefs; raises `PlanError` if it is outside the limits."""
+        order, limits, away = self.order, self.limits, self.limits.keep_away_m
+        area = area_of(order, self.outline, now, limits)
+        check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
+        if not (1.0 <= order.wish_m <= 1000.0 and 10.0 <= order.duration_s <= 36_000.0):
+            raise PlanError(
+                f"a search to {order.wish_m:g} m in {order.duration_s:g} s",
+                remedy="Give 1 to 1000 m, and 10 s to 10 hours",
+            )
+        return Search(
+            SearchSettings(
+                vehicle=multirotor_of(limits),
+                area=area,
+                stop=HonestStop(radius95_m=order.wish_m),
+                keep_away=KeepAway(radius_m=away, probability=KEPT_AWAY, margin=AWAY_MARGIN)
+                if away > 0.0
+                else None,
+                energy=energy_of(limits.hover_w),
+                worst_wind_m_s=limits.wind_m_s,
+                return_height_m=limits.return_height_m,
+                cycle_s=CYCLE_S,
+                pulse_s=float(np.mean([max(tag.pulse_intervals_s) for tag in self.tags])),
+                threshold_db=10.0,
+                tag_height_m=TAG_HEIGHT_M,
+            ),
+            self._beliefs(area.search),
+            self._planner(),
+            np.random.default_rng((self.equipment.seed, 1)),
+        )
+
+    def _beliefs(self, area: Polygon) -> Beliefs:
+        few = len(self.tags) <= FEW_TAGS
+        hills, box = self.equipment.hills, area.box
+        if hills is not None:
+            hills = hills.at(float(np.median([tag.frequency_hz for tag in self.tags])))
+            hills = hills.in_plane(self.plane)
+            hills.cover([box.west_m, box.east_m], [box.south_m, box.north_m])
+        pattern, known = self.equipment.pattern, self.equipment.known
+        usual = TagPrior(area=box)
+        return Beliefs(
+            *(
+                TagBelief(
+                    tag.tag_id,
+                    replace(
+                        known.get(tag.tag_id, usual), area=box, pattern=pattern, hills=hills
+                    ),
+                    np.random.default_rng((self.equipment.seed, 2, tag.tag_id)),
+                    particles=PARTICLES if few else FEWER_PARTICLES,
+                )
+                for tag in self.tags
+            )
+        )
+
+    def _planner(self) -> Planner:
+        """The planner of the settings; ours knows how long a turn takes here."""
+        if self.equipment.planner != "mi_rate":
+            return planner_named(self.equipment.planner)
+        turning = self.turn_s
+        if self.manners.yaw_in_reposition:
+            turning += TURN_STEP_S * self.limits.headings
+        return MiRate(rotation_s=turning)
+
+    @property
+    def turn_s(self) -> float:
+        """Duration of a turn: a pulse of each tag at each heading."""
+        interval = max(max(tag.pulse_intervals_s) for tag in self.tags)
+        return max(12.0, self.limits.headings * interval)
+
+    def place(self, east_m: float, north_m: float) -> Place:
+        """Latitude and longitude of a place in the plane."""
+        latitude, longitude = self.plane.to_geodetic(east_m, north_m)
+        return float(latitude), float(longitude)
+
+    def local_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """East and north of a place."""
+        east, north = self.plane.to_local(latitude_deg, longitude_deg)
+        return float(east), float(north)
+
+    def here_m(self, now: VehicleNow) -> tuple[float, float]:
+        """East and north of the drone."""
+        return self.local_m(now.latitude_deg, now.longitude_deg)
+
+    def battery(self, now: VehicleNow) -> Battery | None:
+        """Charge and reserve; None where size or charge is unknown."""
+        size, percent = self.limits.battery_wh, now.battery_percent
+        if size is None or percent is None:
+            return None
+        return Battery(remaining_wh=size * percent / 100.0, reserve_wh=reserve_wh(self.limits))
+
+
+def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
+    """The tags to search for."""
+    if not listed:
+        raise PlanError(
+            "no tag is being listened for", remedy="Send the tags and start detection first"
+        )
+    known = {tag.tag_id: tag for tag in listed}
+    unknown = sorted(set(order.tags) - set(known))
+    if unknown:
+        raise PlanError(
+            f"tag {unknown[0]} is not being listened for",
+            remedy=f"Choose from {', '.join(map(str, known))}",
+        )
+    return tuple(known[tag_id] for tag_id in (order.tags or known))
+
+
+def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
+    """Outline around the drone."""
+    radius = order.radius_m
+    if radius is None or not 10.0 <= radius <= 10_000.0:
+        raise PlanError(
+            "the search has no area", remedy="Give an outline, or a radius of 10 m or more"
+        )
+    east, north = plane.to_local(now.latitude_deg, now.longitude_deg)
+    angles = [2.0 * pi * n / _CORNERS for n in range(_CORNERS)]
+    latitude, longitude = plane.to_geodetic(
+        [float(east) + radius * sin(a) for a in angles],
+        [float(north) + radius * cos(a) for a in angles],
+    )
+    return tuple((float(a), float(b)) for a, b in zip(latitude, longitude, strict=True))

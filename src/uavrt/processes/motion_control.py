@@ -1,0 +1,250 @@
+"""Commands to the autopilot, each permitted by the authority, and their end by *Take back*."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from uavrt.clock import monotonic_s
+from uavrt.config.settings import GuidanceSettings
+from uavrt.errors import CommandRefused
+from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.commanded import STALL_S
+from uavrt.guidance.heights import target_amsl_m
+from uavrt.guidance.manners import MANNERS, AutopilotName
+from uavrt.guidance.observed import Observation
+from uavrt.guidance.offers import WHEN_YOURS
+from uavrt.guidance.wishes import CommandWriter
+from uavrt.log import get_logger
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.vehicle_messages import command_message
+from uavrt.messages import Command, FlyThere, MotionOffer, StatusText, VehicleWish, Wish
+from uavrt.processes.stall_watch import StallWatch
+from uavrt.tunnel.motion import MotionConfirmation
+
+log = get_logger()
+
+Asker = tuple[int, int]
+STANDS_WITHIN_S = 1.5
+"""After this a stop is one without the command to stand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlets:
+    """Where a desk sends its messages."""
+
+    command: Callable[[Message], None]
+    """To the autopilot, now."""
+    leaves: Callable[[], bool]
+    """Whether a command would leave now."""
+    state: Callable[[bytes, Asker | None], None]
+    """A payload of type 60006: to who asked, or to all."""
+    ask: Callable[[Command], None]
+    """To the supervisor."""
+    record: Callable[[str, object], None]
+    """To the guide, by the hub."""
+    text: Callable[[StatusText], None]
+    """To the operator."""
+
+
+class MotionControl:
+    """The authority over the autopilot found last, and the commands sent for its order.
+
+    `own_place`: our system and component id; the vehicle's system is the same.
+    `changed`: called with the time after each change of the standing.
+    """
+
+    def __init__(
+        self,
+        settings: GuidanceSettings,
+        outlets: Outlets,
+        own_place: Callable[[], tuple[int, int]],
+        changed: Callable[[float], None],
+    ) -> None:
+        self._settings, self._out = settings, outlets
+        self._own_place, self._changed = own_place, changed
+        self.authority: Authority | None = None
+        """None: the autopilot is not known."""
+        self.standing = Standing.OUT
+        """As reported last."""
+        self.stalls = StallWatch(monotonic_s())
+        self.order_id = self.sent = self.refused = 0
+        """The order confirmed last, and its commands."""
+        self._said = ""
+        self._late_reported = False
+
+    def use(self, kind: AutopilotName | None) -> None:
+        """Begin with the authority of an autopilot; None: no command is possible."""
+        if kind is None:
+            self.authority = None
+            return
+        settings = self._settings
+        writer = CommandWriter(
+            manners=MANNERS[kind],
+            lowest_m=settings.lowest_m,
+            highest_m=settings.highest_m,
+            farthest_m=settings.fence_m,
+        )
+        self.authority = Authority(
+            writer,
+            may_take_off=settings.may_take_off,
+            unwatched_channels=frozenset(settings.unwatched_channels),
+        )
+
+    @property
+    def text(self) -> str:
+        """State of the order for the operator."""
+        if self.authority is None:
+            return "the autopilot is not known"
+        if self.authority.standing is Standing.OUT:
+            return self.authority.reason
+        late = self.authority.vehicle.late
+        return self._said if late is None else f"{late}: nothing is commanded"
+
+    def watch(self, now_s: float) -> None:
+        """Report at once that the standing has changed."""
+        standing = Standing.OUT if self.authority is None else self.authority.standing
+        if standing is not self.standing:
+            self.standing = standing
+            self._changed(now_s)
+
+    def wake(self, now_s: float, *, turn: bool = False) -> None:
+        """Give up control after this process stalled: what it receives now may be old."""
+        pause_s = self.stalls.wake(now_s, turn=turn)
+        if pause_s > STALL_S:
+            self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
+
+    def see(self, observations: Iterable[Observation], now_s: float) -> None:
+        """Show the authority what the autopilot reported."""
+        if self.authority is not None:
+            for one in observations:
+                self.authority.see(one)
+            self.watch(now_s)
+
+    def end(self, reason: str, now_s: float) -> None:
+        """Give up control."""
+        if self.authority is not None:
+            self.authority.stop(now_s, reason)
+            self.watch(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Give up control if the autopilot, the guide or the operator is silent."""
+        if self.authority is not None and self.stalls.silence_counts(now_s):
+            self.authority.tick(now_s)
+
+    def offer(self, offer: MotionOffer) -> None:
+        """Let an order be confirmed; raises `CommandRefused`."""
+        authority = self.known
+        mode = authority.vehicle.mode_name
+        if offer.mode != mode:
+            raise CommandRefused(f"the mode is {mode} now", remedy=WHEN_YOURS)
+        authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
+
+    def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
+        """Begin the order that was offered; raises `CommandRefused`."""
+        self.known.confirm(
+            confirmation.order_id,
+            confirmation.nonce,
+            now_s,
+            sticks_unseen=confirmation.sticks_unseen,
+        )
+        self.sent = self.refused = 0
+        self._late_reported = False
+        self._said, self.order_id = "confirmed", confirmation.order_id
+
+    @property
+    def known(self) -> Authority:
+        """The authority; raises `CommandRefused` while the autopilot is not known."""
+        if self.authority is None:
+            raise CommandRefused("the autopilot is not known")
+        return self.authority
+
+    def fly(self, wish: VehicleWish, now_s: float) -> bool:
+        """Handle the guide's wish for the present order; True if it asked for a command."""
+        authority = self.known
+        assert wish.order_id is not None
+        self._said = wish.said or self._said
+        if wish.ends:
+            late = authority.vehicle.late
+            authority.stop(now_s, wish.said if late is None else f"{wish.said}: {late}")
+            return False
+        if wish.wish is None:
+            return False
+        if not self.stalls.late and self.command(wish.order_id, wish.wish, now_s):
+            self.sent += 1
+        else:
+            self.refused += 1
+        return True
+
+    def command(self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False) -> bool:
+        """Command a wish if the authority permits it and it leaves at once; True if sent."""
+        authority = self.known
+        try:
+            if not self._out.leaves():
+                raise CommandRefused("other bytes wait for the link to the autopilot")
+            command = authority.command(order_id, wish, now_s, stops=stops)
+        except CommandRefused as error:
+            log.info("wish refused", reason=error.message)
+            self._report_late(authority)
+            return False
+        self._out.command(command_message(command, self._own_place()[0]))
+        nearest_m = authority.nearest_m
+        log.info("commanded", command=command.name, order=order_id, nearest_m=nearest_m)
+        return True
+
+    def _report_late(self, authority: Authority) -> None:
+        """Report once what keeps an order from being flown, if it is the link."""
+        late = authority.vehicle.late
+        if late is None or authority.standing is Standing.OUT or self._late_reported:
+            return
+        self._late_reported = True
+        self._out.text(StatusText(severity=4, text=f"Not commanded: {late}"))
+
+
+class TakeBack:
+    """*Take back*: the drone is commanded to stand where it is, then control ends."""
+
+    def __init__(self, settings: GuidanceSettings, control: MotionControl) -> None:
+        self._settings, self._control = settings, control
+        self._by_s = 0.0
+
+    @property
+    def under_way(self) -> bool:
+        """Whether control is to end as soon as the command to stand can be sent."""
+        return self._by_s > 0.0
+
+    def begin(self, now_s: float) -> None:
+        """Stand if it is ours, and give up control; end what is offered."""
+        if self._control.authority is not None:
+            self._by_s = self._by_s or now_s + STANDS_WITHIN_S
+            self.go_on(now_s)
+
+    def go_on(self, now_s: float) -> None:
+        """Give up control once the command to stand is sent, or `STANDS_WITHIN_S` is over."""
+        authority = self._control.authority
+        if authority is None or not self.under_way:
+            return
+        if authority.taking_off:
+            climbs = ": it climbs on to its height" if authority.climbs else ""
+            authority.stop(now_s, f"stopped by the operator{climbs}")
+        if not authority.flies_ours or self._stand(authority, now_s):
+            authority.stop(now_s)
+        elif now_s >= self._by_s:
+            authority.stop(now_s, "stopped by the operator: it flies on to its last target")
+        if authority.standing is Standing.OUT:
+            self._by_s = 0.0
+        self._control.watch(now_s)
+
+    def _stand(self, authority: Authority, now_s: float) -> bool:
+        now, order_id = authority.vehicle_seen(), authority.order_id
+        if self._control.stalls.late or now is None or order_id is None:
+            return False
+        height = max(now.altitude_relative_m, self._settings.lowest_m)
+        here = FlyThere(
+            latitude_deg=now.latitude_deg,
+            longitude_deg=now.longitude_deg,
+            altitude_amsl_m=target_amsl_m(
+                now.altitude_amsl_m,
+                now.altitude_relative_m,
+                min(height, self._settings.highest_m),
+            ),
+        )
+        return self._control.command(order_id, here, now_s, stops=True)

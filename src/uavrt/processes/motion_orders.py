@@ -1,0 +1,194 @@
+"""Orders of ground stations: checked, asked of the supervisor, offered and confirmed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+from uavrt.clock import monotonic_s
+from uavrt.commands import CommandName
+from uavrt.errors import CommandRefused, TunnelError
+from uavrt.log import get_logger
+from uavrt.messages import Command, CommandReply, MotionOffer, MotionRequest
+from uavrt.processes.motion_control import Asker, MotionControl, Outlets, TakeBack
+from uavrt.processes.motion_reports import MotionReports
+from uavrt.processes.reported_autopilot import ReportedAutopilot
+from uavrt.tunnel.motion import MotionConfirmation, MotionStop, decode_motion
+from uavrt.tunnel.neighbours import decode_neighbour
+
+log = get_logger()
+
+PENDING = 16
+ANSWERS_WITHIN_S = 2.0
+"""The supervisor on a confirmation, then who confirmed has given up."""
+SENDER_S = 10.0
+"""Silence after which another station may report other drones: two would give the same way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    """What the supervisor was asked."""
+
+    name: CommandName
+    about: MotionRequest | MotionConfirmation
+    asker: Asker
+    asked_s: float
+
+
+class MotionOrders:
+    """Orders that wait for an answer; `next_request_id` numbers questions to the supervisor."""
+
+    def __init__(
+        self,
+        outlets: Outlets,
+        autopilot: ReportedAutopilot,
+        control: MotionControl,
+        take_back: TakeBack,
+        reports: MotionReports,
+        next_request_id: Callable[[], int],
+    ) -> None:
+        self._out, self._autopilot, self._control = outlets, autopilot, control
+        self._take_back, self._reports = take_back, reports
+        self._next_request_id = next_request_id
+        self._pending: dict[int, _Question] = {}
+        self._offered_to: Asker | None = None
+        self.refused = 0
+        """Orders that were not sealed, or could not be read."""
+
+    def receive(
+        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+    ) -> None:
+        """Handle a ground station's message about motion.
+
+        `payload`: of type 60005, its seal opened.
+        `asker`: the station.
+        `refusal`: why this station may not command.
+        `sealed`: it proved the drone's key.
+        """
+        try:
+            message = decode_motion(payload, asker)
+        except TunnelError as error:
+            self.refused += 1
+            log.seldom(self.refused, "order of motion refused", reason=error.message)
+            return
+        if refusal is None and not sealed and not self._autopilot.takes_unsealed:
+            refusal = "orders of motion must be sealed: give drone and ground a key"
+        if refusal is None and not isinstance(message, MotionStop):
+            refusal = self._autopilot.link_fault
+        if refusal is not None:
+            self.refused += 1
+            self._reports.answer("refused", refusal, asker, message.request_id)
+        elif isinstance(message, MotionStop):
+            self._stop(message, asker)
+        elif isinstance(message, MotionConfirmation):
+            self._ask("confirm_motion", message, asker, sealed=sealed)
+        elif not self._reports.is_repeated(asker, message.request_id):
+            self._ask("fly", message, asker, sealed=sealed)
+
+    def _stop(self, stop: MotionStop, asker: Asker) -> None:
+        now_s = monotonic_s()
+        self._control.wake(now_s)
+        self._take_back.begin(now_s)
+        self._reports.answer("state", self._control.text, asker, stop.request_id)
+
+    def _ask(
+        self,
+        name: CommandName,
+        about: MotionRequest | MotionConfirmation,
+        asker: Asker,
+        *,
+        sealed: bool,
+    ) -> None:
+        """Ask the supervisor whether this station commands."""
+        number = self._next_request_id()
+        self._pending[number] = _Question(
+            name=name, about=about, asker=asker, asked_s=monotonic_s()
+        )
+        while len(self._pending) > PENDING:
+            del self._pending[next(iter(self._pending))]
+        self._out.ask(
+            Command(
+                name=name,
+                request_id=number,
+                source=f"mavlink {asker[0]}/{asker[1]}",
+                sealed=sealed,
+            )
+        )
+
+    def reply(self, reply: CommandReply) -> None:
+        """Handle the supervisor's answer about a station."""
+        question = self._pending.get(reply.request_id)
+        if question is None or question.name != reply.name:
+            return
+        del self._pending[reply.request_id]
+        about, asker = question.about, question.asker
+        waited_s = monotonic_s() - question.asked_s
+        if not reply.accepted:
+            self._reports.answer("refused", reply.message, asker, about.request_id)
+        elif isinstance(about, MotionRequest):
+            self._out.record("motion", about)
+        elif waited_s > ANSWERS_WITHIN_S:
+            text = f"the confirmation waited {waited_s:.0f} s on the drone: ask again"
+            self._reports.answer("refused", text, asker, about.request_id)
+        else:
+            self._confirm(about, asker)
+
+    def _confirm(self, confirmation: MotionConfirmation, asker: Asker) -> None:
+        now_s, control = monotonic_s(), self._control
+        try:
+            if control.known and asker != self._offered_to:
+                raise CommandRefused("another station asked", remedy="Ask for it yourself")
+            control.confirm(confirmation, now_s)
+        except CommandRefused as error:
+            self._reports.answer("refused", str(error), asker, confirmation.request_id)
+            return
+        log.info("motion confirmed", order=confirmation.order_id, source=asker)
+        self._reports.confirmed(asker, confirmation.request_id, now_s)
+
+    def offer(self, offer: MotionOffer) -> None:
+        """Handle what the guide would fly, or why not; report it to who asked."""
+        answer, asker, number = self._reports.answer, offer.asker, offer.request_id
+        if offer.refused:
+            answer("refused", offer.summary, asker, number)
+            return
+        try:
+            self._control.offer(offer)
+        except CommandRefused as error:
+            answer("refused", str(error), asker, number)
+            return
+        self._offered_to = asker
+        order_id, nonce = offer.order_id, offer.nonce
+        answer("offer", offer.summary, asker, number, order_id=order_id, nonce=nonce)
+
+
+class NeighbourReports:
+    """Reports of other drones for the guide, from one ground station at a time."""
+
+    def __init__(
+        self,
+        outlets: Outlets,
+        autopilot: ReportedAutopilot,
+        own_place: Callable[[], tuple[int, int]],
+    ) -> None:
+        self._record, self._autopilot, self._own_place = outlets.record, autopilot, own_place
+        self._sender: Asker | None = None
+        self._sent_s = -inf
+        self.refused = 0
+
+    def receive(
+        self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
+    ) -> None:
+        """Handle a report, of type 60010; parameters as of `MotionOrders.receive`."""
+        now_s = monotonic_s()
+        try:
+            neighbour = decode_neighbour(payload)
+        except TunnelError as error:
+            self.refused += 1
+            log.seldom(self.refused, "neighbour refused", reason=error.message)
+            return
+        another = self._sender not in (None, asker) and now_s - self._sent_s < SENDER_S
+        proven = refusal is None and (sealed or self._autopilot.takes_unsealed)
+        if not proven or another or neighbour.vehicle == self._own_place()[0]:
+            self.refused += 1
+            return
+        self._sender, self._sent_s = asker, now_s
+        self._record("neighbour", neighbour)

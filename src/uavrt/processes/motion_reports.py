@@ -1,0 +1,145 @@
+"""Reports of the order and the vehicle: to ground stations, operator and guide."""
+
+from collections.abc import Mapping
+from math import inf
+
+from uavrt.guidance.authority import Authority, Standing
+from uavrt.log import get_logger
+from uavrt.messages import StatusText, VehicleReport
+from uavrt.processes.motion_control import Asker, MotionControl, Outlets
+from uavrt.processes.reported_autopilot import ReportedAutopilot
+from uavrt.tunnel.motion import MotionState, StateKind, encode_state
+
+log = get_logger()
+
+REPORT_S = 0.1
+STATE_S = 1.0
+NEVER_S = 1e6
+UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
+
+
+class MotionReports:
+    """Reports and answers on the order that `control` flies."""
+
+    def __init__(
+        self, outlets: Outlets, control: MotionControl, autopilot: ReportedAutopilot
+    ) -> None:
+        self._out, self._control, self._autopilot = outlets, control, autopilot
+        self._silent_s: Mapping[Asker, float] = {}
+        self._confirmer: Asker | None = None
+        """Who confirmed the order: its silence counts, whoever else is heard."""
+        self._request: tuple[Asker, int] | None = None
+        self._answered: bytes | None = None
+        """Answer to the last request for a motion."""
+        self._next_report_s = self._next_state_s = -inf
+
+    def answer(
+        self,
+        kind: StateKind,
+        text: str,
+        asker: Asker | None,
+        request_id: int,
+        *,
+        order_id: int = 0,
+        nonce: int = 0,
+    ) -> None:
+        """Answer a station, or report to all if `asker` is None."""
+        authority = self._control.authority
+        state = MotionState(
+            kind=kind,
+            standing="out" if authority is None else authority.standing.value,
+            text=text,
+            request_id=request_id,
+            order_id=self._control.order_id if kind == "state" else order_id,
+            nonce=nonce,
+        )
+        payload = encode_state(state)
+        if asker is not None and (asker, request_id) == self._request:
+            self._answered = payload
+        self._out.state(payload, asker)
+
+    def is_repeated(self, asker: Asker, request_id: int) -> bool:
+        """Whether a request is the last one, sent again; then repeat its answer, if known."""
+        if (asker, request_id) != self._request:
+            self._request, self._answered = (asker, request_id), None
+            return False
+        if self._answered is not None:
+            self._out.state(self._answered, asker)
+        return True
+
+    def confirmed(self, asker: Asker, request_id: int, now_s: float) -> None:
+        """Report that a station has confirmed the order."""
+        self._confirmer = asker
+        self.answer("state", "confirmed", asker, request_id)
+        self.report(now_s)
+
+    def standing_changed(self, now_s: float) -> None:
+        """Report at once whether orders are flown."""
+        control = self._control
+        ended = control.authority if control.standing is Standing.OUT else None
+        log.info(
+            "standing",
+            standing=control.standing.value,
+            reason=control.text,
+            nearest_m=None if ended is None else ended.nearest_m,
+        )
+        if control.standing is Standing.OUT:
+            self._out.text(StatusText(severity=5, text=f"Not flying: {control.text}"))
+        self._report_state(now_s)
+        self.report(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Send the reports that are due."""
+        if now_s >= self._next_report_s:
+            self.report(now_s)
+        if now_s >= self._next_state_s:
+            self._report_state(now_s)
+
+    def _report_state(self, now_s: float) -> None:
+        self._next_state_s = now_s + STATE_S
+        self.answer("state", self._control.text, None, 0)
+
+    def stations_silent(self, silent_s: Mapping[Asker, float]) -> None:
+        """Take for how long each ground station was silent."""
+        self._silent_s = silent_s
+
+    @property
+    def _ground_silent_s(self) -> float:
+        """Of the station that confirmed what is flown; without an order, of any."""
+        silent_s = self._silent_s
+        if self._control.standing is Standing.OUT or self._confirmer is None:
+            return min((NEVER_S, *silent_s.values()))
+        return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
+
+    def report(self, now_s: float) -> None:
+        """Show the guide how things are."""
+        self._next_report_s = now_s + REPORT_S
+        self._out.record("vehicle", self._vehicle_report(now_s))
+
+    def _vehicle_report(self, now_s: float) -> VehicleReport:
+        authority = self._control.authority
+        if authority is None:
+            return VehicleReport(autopilot=None, fault=UNKNOWN, takeoff_fault=UNKNOWN)
+        return VehicleReport(
+            autopilot=self._autopilot.kind,
+            fault=self._fault(authority, now_s),
+            takeoff_fault=self._fault(authority, now_s, takeoff=True),
+            standing=authority.standing.value,
+            reason=authority.reason,
+            order_id=authority.order_id,
+            mode=authority.vehicle.mode_name,
+            seen=authority.vehicle_seen(
+                battery_percent=self._autopilot.battery_percent(now_s),
+                wishes_sent=self._control.sent,
+                wishes_refused=self._control.refused,
+                ground_silent_s=self._ground_silent_s,
+            ),
+            wind_m_s=self._autopilot.wind_m_s(now_s),
+        )
+
+    def _fault(
+        self, authority: Authority, now_s: float, *, takeoff: bool = False
+    ) -> str | None:
+        """Why nothing, or no take-off, can be offered now."""
+        fault = authority.fault(now_s, takeoff=takeoff)
+        return self._autopilot.link_fault if fault is None else f"{fault[0]}. {fault[1]}"
