@@ -273,7 +273,7 @@ class GroundLink:
                 ) from error
             if progress is not None:
                 progress(count, len(payloads))
-        self.protocol.tags = {tag.tag_id: tag for tag in tags}
+        self.protocol.set_tags(tags)
 
     async def correct_tag(self, tag: Tag) -> str:
         """Replace a tag that is being searched; return the drone's message.

@@ -381,6 +381,10 @@ class FlightKeeper:
         text, self._mended = self._mended, ""
         return text
 
+    def end(self) -> None:
+        """Mark the flight as ended; pulses of it that come later are still added."""
+        self.ended = True
+
     def close(self) -> None:
         """End the recording; what the disk does not take now is written by a later `commit`."""
         if self._path is not None:

@@ -27,6 +27,7 @@ from uavrt.ground.web import maps
 from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.ground.web.facts import tell_facts, told_facts
+from uavrt.ground.web.first_flight import first_flight_findings, usual_noise_db
 from uavrt.ground.web.foreign_requests import (
     area_in_body,
     checked_tags,
@@ -68,7 +69,7 @@ class Api:
         self._worker = worker or ForeignWorker()
         self._drone_settings = drone_settings
         self._estimates: dict[tuple[Any, ...], Any] = {}
-        self._reporter = Reporter(session.store.directory / "reports")
+        self._reporter = Reporter(session.vehicle.store.directory / "reports")
         self._silence = SilenceDesk()
         self._foresight = foresight_desk()
         self._integration = IntegrationDesk()
@@ -125,15 +126,16 @@ class Api:
 
     async def first_flight(self, request: Request) -> Any:
         """The list before a first flight, each item with its remedy."""
-        usual_noise_db = await asyncio.to_thread(self._session.usual_noise_db)
-        findings = self._session.first_flight(usual_noise_db)
+        vehicle = self._session.vehicle
+        noise_db = await asyncio.to_thread(usual_noise_db, vehicle, self._session.library)
+        findings = first_flight_findings(vehicle, noise_db)
         if self._drone_settings is not None:
             findings += await asyncio.to_thread(_card_and_clock, self._drone_settings)
         return [asdict(finding) for finding in findings]
 
     async def tags(self, request: Request) -> Any:
         """The tag table."""
-        return tag_table.rows_from_tags(self._session.store.tags)
+        return tag_table.rows_from_tags(self._session.vehicle.store.tags)
 
     async def put_tags(self, request: Request) -> Any:
         """Store the tag table if it has no faults; otherwise report all of them.
@@ -146,7 +148,7 @@ class Api:
         tags, faults = await self._worker.call(tag_table.tags_from_rows, rows)
         if faults:
             return Answer(422, {"faults": [asdict(fault) for fault in faults]})
-        store = self._session.store
+        store = self._session.vehicle.store
         wanted = request.headers.get("if-match", "*").strip('" ')
 
         def keep() -> bool:
@@ -158,7 +160,7 @@ class Api:
         if not await store.disk.run(keep):
             changed = "the tags were changed by another page meanwhile"
             return Answer(412, {"error": changed, **_tag_answer(store.tags)})
-        self._session.tags_changed()
+        self._session.vehicle.show_tags()
         return {"faults": [], **_tag_answer(tags)}
 
     async def check_tags(self, request: Request) -> Any:
@@ -173,17 +175,17 @@ class Api:
     async def export_tags(self, request: Request) -> Any:
         """Write the table as a file."""
         name = request.path_params["name"]
-        text = tag_table.export_text(self._session.store.tags, name)
+        text = tag_table.export_text(self._session.vehicle.store.tags, name)
         return _download(text.encode(), name, "text/plain; charset=utf-8")
 
     async def settings(self, request: Request) -> Any:
         """The set-up."""
-        return asdict(self._session.store.settings)
+        return asdict(self._session.vehicle.store.settings)
 
     async def put_settings(self, request: Request) -> Any:
         """Change some of the set-up."""
         self._check_commander(request)
-        store = self._session.store
+        store = self._session.vehicle.store
         wanted = store.settings.changed(await json_body(request))
         await store.disk.run(store.set_settings, wanted)
         self._session.settings_changed()
@@ -191,12 +193,12 @@ class Api:
 
     async def facts(self, request: Request) -> Any:
         """What reports tell of who flew what."""
-        return await asyncio.to_thread(told_facts, self._session.store.directory)
+        return await asyncio.to_thread(told_facts, self._session.vehicle.store.directory)
 
     async def put_facts(self, request: Request) -> Any:
         """Change some of it, for all flights that have no report.toml of their own."""
         self._check_commander(request)
-        told, folder = await json_body(request), self._session.store.directory
+        told, folder = await json_body(request), self._session.vehicle.store.directory
         return await asyncio.to_thread(tell_facts, folder, told)
 
     async def choices(self, request: Request) -> Any:
@@ -212,28 +214,28 @@ class Api:
             },
             "presets": tag_table.PRESETS,
             "maps": await self._worker.call(
-                maps.map_list, self._session.store.directory / "maps"
+                maps.map_list, self._session.vehicle.store.directory / "maps"
             ),
-            "maps_directory": str((self._session.store.directory / "maps").absolute()),
+            "maps_directory": str((self._session.vehicle.store.directory / "maps").absolute()),
             "exports": list(EXPORTS),
         }
 
     async def connect(self, request: Request) -> Any:
         """Connect to an address; an empty one disconnects."""
         self._check_commander(request)
-        if self._session.store.system_id is not None:
+        if self._session.vehicle.store.system_id is not None:
             raise UsageError("further vehicles are on the links of the first page")
         wanted = await json_body(request)
         address = wanted.get("address") if isinstance(wanted, dict) else None
         if address:
-            store = self._session.store
+            store = self._session.vehicle.store
             changed = store.settings.changed({"address": address})
             await store.disk.run(store.set_settings, changed)
             self._session.settings_changed()
-            await self._session.connect()
+            await self._session.vehicle.connect()
         else:
-            await self._session.disconnect()
-            self._session.send_state()
+            await self._session.vehicle.disconnect()
+            self._session.vehicle.feed.send_state()
         return self._session.snapshot()["connection"]
 
     async def choose_vehicle(self, request: Request) -> Any:
@@ -269,7 +271,7 @@ class Api:
 
     async def motion_coverage(self, request: Request) -> Any:
         """The map of where a tag would be heard along a plan, or how far it is."""
-        store, wanted = self._session.store, await json_body(request)
+        store, wanted = self._session.vehicle.store, await json_body(request)
         asked = Foresight.asked(wanted, store.tags, store.settings.antenna_choice)
         return await asyncio.to_thread(self._foresight.answer, asked, again=asks_again(wanted))
 
@@ -313,7 +315,7 @@ class Api:
 
     async def log(self, request: Request) -> Any:
         """The operator's log."""
-        return self._session.log.lines()
+        return self._session.vehicle.feed.log.lines()
 
     async def season(self, request: Request) -> Any:
         """All flights on this computer in numbers, as `uavrt season` gives them."""
@@ -372,7 +374,7 @@ class Api:
     async def estimates(self, request: Request) -> Any:
         """Bearings and positions of a flight, with the antenna that is set."""
         library, flight_id = self._session.library, _flight_id(request)
-        antenna = self._session.store.settings.antenna_choice
+        antenna = self._session.vehicle.store.settings.antenna_choice
         summary = await asyncio.to_thread(library.summary, flight_id)
         key = (flight_id, summary.pulses, antenna)
         if key not in self._estimates:
@@ -394,7 +396,7 @@ class Api:
         """Look below the noise of a whole flight, or tell how far that is."""
         self._check_commander(request)
         path = await asyncio.to_thread(self._session.library.path, _flight_id(request))
-        return await self._integration.answer(path, self._session.store.settings.dem)
+        return await self._integration.answer(path, self._session.vehicle.store.settings.dem)
 
     async def folds(self, request: Request) -> Any:
         """Pictures of a flight folded at its tags' intervals."""
@@ -416,21 +418,28 @@ class Api:
     async def _of_flight(self, request: Request) -> tuple[Path, AntennaChoice, Any]:
         """A flight's directory, the antenna that is set, and what is wanted."""
         path = await asyncio.to_thread(self._session.library.path, _flight_id(request))
-        return path, self._session.store.settings.antenna_choice, await json_body(request)
+        return (
+            path,
+            self._session.vehicle.store.settings.antenna_choice,
+            await json_body(request),
+        )
 
     async def export(self, request: Request) -> Any:
         """A flight as a file for other programs."""
         flight_id, name = _flight_id(request), request.path_params["name"]
         if name not in EXPORTS:
             return Answer(404, {"error": f"there is no export {name[:40]!r}"})
-        antenna = self._session.store.settings.antenna_choice
+        antenna = self._session.vehicle.store.settings.antenna_choice
         path = await asyncio.to_thread(self._session.library.path, flight_id)
         content = await asyncio.to_thread(export, name, path, antenna)
         return _download(content, f"{flight_id}.{name}", EXPORTS[name].media_type)
 
     async def report(self, request: Request) -> Any:
         """The report of a flight, for people."""
-        library, antenna = self._session.library, self._session.store.settings.antenna_choice
+        library, antenna = (
+            self._session.library,
+            self._session.vehicle.store.settings.antenna_choice,
+        )
         path = await asyncio.to_thread(library.path, _flight_id(request))
         content = await self._reporter.report(path, antenna)
         headers = {"Content-Security-Policy": POLICY}
@@ -439,14 +448,14 @@ class Api:
     async def map_file(self, request: Request) -> Any:
         """A map file; the browser reads parts of it."""
         path = maps.map_path(
-            self._session.store.directory / "maps", request.path_params["name"]
+            self._session.vehicle.store.directory / "maps", request.path_params["name"]
         )
         return FileResponse(path, media_type="application/octet-stream")
 
     async def map_tile(self, request: Request) -> Any:
         """One tile of an MBTiles file."""
         place = request.path_params
-        path = maps.map_path(self._session.store.directory / "maps", place["name"])
+        path = maps.map_path(self._session.vehicle.store.directory / "maps", place["name"])
         tile = await self._worker.call(maps.tile, path, place["z"], place["x"], place["y"])
         if tile is None:
             return Response(status_code=204)
@@ -457,7 +466,7 @@ class Api:
     async def records(self, websocket: WebSocket) -> None:
         """Everything as it comes, after one record of the whole present state."""
         await websocket.accept()
-        queue = self._session.hub.listen()
+        queue = self._session.vehicle.feed.hub.listen()
         page = websocket.query_params.get("page", "")[:MAX_PAGE_NAME]
         if page:
             self._session.commander.come(page)
@@ -473,7 +482,7 @@ class Api:
             pass  # the browser went away while we were sending
         finally:
             listening.cancel()
-            self._session.hub.leave(queue)
+            self._session.vehicle.feed.hub.leave(queue)
             if page:
                 self._session.commander.go(page)
 
@@ -483,13 +492,13 @@ class Api:
         if not page or len(page) > MAX_PAGE_NAME:
             raise UsageError("only a page can take command")
         self._session.commander.take(page)
-        self._session.note(5, "another page has taken command")
-        self._session.send_state()
+        self._session.vehicle.feed.note(5, "another page has taken command")
+        self._session.vehicle.feed.send_state()
         return {"commander": page}
 
     async def put_map(self, request: Request) -> Any:
         """Take a map file, as it is in the body."""
-        folder = self._session.store.directory / "maps"
+        folder = self._session.vehicle.store.directory / "maps"
         name = request.path_params["name"]
         return await maps.store_map(folder, name, request.stream(), self._worker)
 

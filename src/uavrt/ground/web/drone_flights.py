@@ -21,7 +21,9 @@ class ExtraApi:
 
     def __init__(self, session: GroundSession) -> None:
         self._session = session
-        self._live = LiveWaterfall(lambda record: session.hub.send("waterfall", record))
+        self._live = LiveWaterfall(
+            lambda record: session.vehicle.feed.send("waterfall", record)
+        )
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""

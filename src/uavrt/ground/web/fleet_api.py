@@ -73,12 +73,15 @@ class FleetApi:
         return {"accepted": all(one["accepted"] for one in answers), "answers": answers}
 
 
-async def _answer(session: GroundSession, name: str, page: str | None) -> dict[str, Any]:
+async def _answer(session: GroundSession, action: str, page: str | None) -> dict[str, Any]:
     """One vehicle's answer, under the rules of a command to it alone."""
-    who = {"system_id": session.identity.system_id, "name": session.store.settings.vehicle_name}
+    who = {
+        "system_id": session.vehicle.identity.system_id,
+        "name": session.vehicle.store.settings.vehicle_name,
+    }
     try:
-        if name not in FOR_ALL:
+        if action not in FOR_ALL:
             session.commander.check(page)
-        return who | {"accepted": True, "message": await TO_ALL[name](session.commands)}
+        return who | {"accepted": True, "message": await TO_ALL[action](session.commands)}
     except UavrtError as error:
         return who | {"accepted": False, "message": str(error)}

@@ -56,7 +56,7 @@ class FlightListApi:
     async def archived(self, request: Request) -> Any:
         """The same of the archive; ``directory`` is null where there is none."""
         choice, (after, limit) = _choice(request), _page(request, MOST)
-        archive = self._session.store.archive
+        archive = self._session.vehicle.store.archive
         if archive is None:
             return {"directory": None, "total": 0, "flights": []}
 

@@ -214,8 +214,8 @@ def _with_flights_written(
     """Let a handler find on the disk what the pages show already, unless the disk is slow."""
 
     async def handle(request: Request) -> Any:
-        vehicles = (session, *session.companions)
-        await asyncio.gather(*(one.flight.settle(SETTLES_WITHIN_S) for one in vehicles))
+        vehicles = (session.vehicle, *session.vehicle.companions)
+        await asyncio.gather(*(one.flight.keeper.settle(SETTLES_WITHIN_S) for one in vehicles))
         return await handler(request)
 
     return handle

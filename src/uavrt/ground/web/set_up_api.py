@@ -83,7 +83,7 @@ class SetUpApi:
         setup = self._checked(request)
         values = await asyncio.to_thread(setup.values)
         told = await asyncio.to_thread(setup.finish)
-        store = self._session.store
+        store = self._session.vehicle.store
         own = {"vehicle_name": values["name"], "antenna": values["antenna"]}
         await store.disk.run(store.set_settings, store.settings.changed(own))
         self._session.settings_changed()
