@@ -1,7 +1,6 @@
 """Routes that list flights: those on this computer, and those of an archive."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -13,8 +12,8 @@ from uavrt.batch.flight_search import find_flights
 from uavrt.errors import FormatError
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store.known_flights import FlightChoice
-from uavrt.ground.web.api import whole_number
 from uavrt.ground.web.foreign_worker import ForeignWorker
+from uavrt.ground.web.routing import Row, whole_number
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOST = 500
@@ -34,12 +33,12 @@ class FlightListApi:
     def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
         self._session, self._worker = session, worker
 
-    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
-        """Path below ``/api``, method, handler."""
+    def routes(self) -> list[Row]:
+        """List the routes."""
         return [
-            ("/flights", "GET", self.flights),
-            ("/found-flights", "GET", self.found),
-            ("/archive", "GET", self.archived),
+            Row("/flights", "GET", self.flights),
+            Row("/found-flights", "GET", self.found),
+            Row("/archive", "GET", self.archived),
         ]
 
     async def flights(self, request: Request) -> Any:

@@ -8,9 +8,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.routing import Route
+
 from uavrt.analysis.map_files import MapFile, read_map
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.ground.web.foreign_worker import ForeignWorker
+from uavrt.ground.web.routing import answered
 
 MAX_MAP = 8_000_000_000
 _NAME = re.compile(r"[\w][\w .()-]{0,120}\.(pmtiles|mbtiles)", re.IGNORECASE)
@@ -20,6 +25,29 @@ _MIME = {
     "jpg": "image/jpeg",
     "webp": "image/webp",
 }
+
+
+def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
+    """Make the routes of map files, of which the browser reads parts, and of their tiles."""
+
+    async def map_file(request: Request) -> Any:
+        path = map_path(directory, request.path_params["name"])
+        return FileResponse(path, media_type="application/octet-stream")
+
+    async def map_tile(request: Request) -> Any:
+        place = request.path_params
+        path = map_path(directory, place["name"])
+        found = await worker.call(tile, path, place["z"], place["x"], place["y"])
+        if found is None:
+            return Response(status_code=204)
+        content, kind, encoding = found
+        headers = {"Content-Encoding": encoding} if encoding else {}
+        return Response(content, media_type=kind, headers=headers)
+
+    return [
+        Route("/maps/{name}", answered(map_file)),
+        Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(map_tile)),
+    ]
 
 
 def map_list(directory: Path) -> list[dict[str, Any]]:

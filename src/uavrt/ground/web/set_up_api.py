@@ -1,7 +1,6 @@
 """Routes of a drone's first set-up, where the page runs on the drone's own computer."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from starlette.responses import Response
 from uavrt.config.loader import load_settings
 from uavrt.errors import UavrtError
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.api import Answer, json_body
+from uavrt.ground.web.routing import Answer, Row, json_body
 from uavrt.messages import SystemStatus
 
 if TYPE_CHECKING:
@@ -35,16 +34,16 @@ class SetUpApi:
 
             self._setup = first_setup.FirstSetup(config)
 
-    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
-        """Path below ``/api``, method, handler."""
+    def routes(self) -> list[Row]:
+        """List the routes."""
         if self._setup is None:
-            return [("/set-up", "GET", self.state)]
+            return [Row("/set-up", "GET", self.state)]
         return [
-            ("/set-up", "GET", self.state),
-            ("/set-up/finish", "POST", self.finish),
-            ("/set-up/command.key", "GET", self.command_key),
-            ("/set-up/{step}", "PUT", self.take),
-            ("/set-up/{step}/test", "POST", self.test),
+            Row("/set-up", "GET", self.state),
+            Row("/set-up/finish", "POST", self.finish, commands=True),
+            Row("/set-up/command.key", "GET", self.command_key),
+            Row("/set-up/{step}", "PUT", self.take, commands=True),
+            Row("/set-up/{step}/test", "POST", self.test, commands=True),
         ]
 
     async def state(self, request: Request) -> Any:
@@ -61,7 +60,8 @@ class SetUpApi:
 
     async def take(self, request: Request) -> Any:
         """Judge and write a step: 422 with ``faults: [{field, text}]``, or what it now is."""
-        setup = self._checked(request)
+        setup = self._setup
+        assert setup is not None
         body = await json_body(request)
         faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
         if faults:
@@ -70,7 +70,8 @@ class SetUpApi:
 
     async def test(self, request: Request) -> Any:
         """Try the radio, or the link to the autopilot, as they have been set."""
-        setup = self._checked(request)
+        setup = self._setup
+        assert setup is not None
 
         def findings() -> list[dict[str, Any]]:
             running = _running(setup.config)
@@ -80,7 +81,8 @@ class SetUpApi:
 
     async def finish(self, request: Request) -> Any:
         """End the set-up; the page's own settings follow."""
-        setup = self._checked(request)
+        setup = self._setup
+        assert setup is not None
         values = await asyncio.to_thread(setup.values)
         told = await asyncio.to_thread(setup.finish)
         store = self._session.vehicle.store
@@ -95,11 +97,6 @@ class SetUpApi:
         key = await asyncio.to_thread(self._setup.command_key)
         attached = {"Content-Disposition": 'attachment; filename="command.key"'}
         return Response(key, media_type="text/plain", headers=attached)
-
-    def _checked(self, request: Request) -> "FirstSetup":
-        assert self._setup is not None
-        self._session.commander.check(request.headers.get("x-page"))
-        return self._setup
 
 
 def _running(config: Path) -> SystemStatus | None:
