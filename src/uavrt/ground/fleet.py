@@ -160,7 +160,7 @@ class Fleet:
             if link is None:
                 continue
             for told in self._ways.told_to(number, monotonic_s()):
-                link.tell_neighbour(told)
+                link.send_neighbour(told)
 
     def _session(self, store: GroundStore, my_place: MyPlace | None) -> GroundSession:
         return GroundSession(

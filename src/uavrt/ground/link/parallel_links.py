@@ -140,18 +140,21 @@ class Ways:
         self._clock_ns = clock_ns
         self._drone_heard_ns: dict[int, int] = {}
         self._pulses_by = 0
+        self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
         """Of each system the link on which it is taken, and when it was heard there."""
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """Those that are open."""
-        return self._shared.open_ones
+        """Those that are open, once this drone's station has opened or joined them."""
+        return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
         """Open all, or with no address join those that others open; see `Links.open`."""
         self._shared.listen(self._hear)
-        return await self._shared.open(addresses) if addresses else []
+        opening = await self._shared.open(addresses) if addresses else []
+        self._joined = True
+        return opening
 
     async def close(self, *, opened: bool = True) -> None:
         """Hear no more; close all that were `opened` by this one."""
