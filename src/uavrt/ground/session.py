@@ -81,7 +81,7 @@ class GroundSession:
             key=keys.command,
             signing_key=keys.signing,
             links=links,
-            progress=lambda: self.vehicle.flight.keeper.progress,
+            progress=lambda: self.vehicle.flight.keeper.queue.progress,
         )
         feed = Feed(EventLog(store.log_path, store.disk), clock, self.snapshot, on_event)
         self.vehicle = ServedVehicle(

@@ -54,7 +54,7 @@ def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
             "start_time_ns": keeper.start_time_ns,
             "ended": keeper.ended,
             "pulses": keeper.pulses,
-            "fault": keeper.fault,
+            "fault": keeper.queue.fault,
         },
         "tags_sent": bool(drone.sent_tags) and drone.sent_tags == vehicle.store.chosen_tags,
         "detectors": {

@@ -77,12 +77,12 @@ async def test_the_link_goes_on_while_a_write_does_not_return(
         await flying.stop()
         await until(lambda: world.vehicle_report.standing == "out")
         await until(lambda: session.vehicle.flight.keeper.pulses > pulses + 3)
-        taken, durable = session.vehicle.flight.keeper.progress
+        taken, durable = session.vehicle.flight.keeper.queue.progress
         assert durable <= pulses < taken
         watching.cancel()
         over.set()
         go.set()
-        await until(lambda: session.vehicle.flight.keeper.stored)
+        await until(lambda: session.vehicle.flight.keeper.queue.stored)
         assert session.snapshot()["flight"]["fault"] is None
     # Both wait for the same busy processor; the loop waits for nothing else.
     print(f"longest stop: loop {loop.longest_s:.3f} s, machine {machine.longest_s:.3f} s")

@@ -144,17 +144,17 @@ def test_what_was_taken_while_a_write_goes_on_is_not_durable_with_it(tmp_path: P
     flight_id = keeper.begin(())
     for count, pulse in enumerate(pulses, start=1):
         keeper.add_pulse(pulse)
-        assert keeper.progress == (count, 0)
+        assert keeper.queue.progress == (count, 0)
         if count == 2:
             jobs.pop(0)()  # the flight is there; both pulses were taken later
-            keeper.commit()
-    assert keeper.progress == (5, 0)
+            keeper.queue.commit()
+    assert keeper.queue.progress == (5, 0)
     jobs.pop(0)()
-    assert keeper.progress == (5, 2)
+    assert keeper.queue.progress == (5, 2)
     keeper.close()
     while jobs:
         jobs.pop(0)()
-    assert keeper.stored
+    assert keeper.queue.stored
     assert [one.pulse.key for one in read_flight(tmp_path / flight_id).pulse_poses] == [
         one.pulse.key for one in pulses
     ]

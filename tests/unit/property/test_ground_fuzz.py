@@ -210,8 +210,8 @@ def test_no_frame_makes_the_page_deaf(tmp_path: Path, links: list[MemoryLink]) -
         session.vehicle.begin_flight()
         links[0].hear(FrameWriter(1, 191).encode(genuine_pulse(now_ns)))
         await until(lambda: session.vehicle.flight.keeper.pulses)
-        session.vehicle.flight.keeper.commit()
-        assert session.vehicle.flight.keeper.fault is None
+        session.vehicle.flight.keeper.queue.commit()
+        assert session.vehicle.flight.keeper.queue.fault is None
         await asyncio.sleep(1.2)  # an estimate of whatever was believed
         serving.cancel()
         with suppress(asyncio.CancelledError, UavrtError):

@@ -93,8 +93,8 @@ async def test_of_a_flood_the_page_keeps_tags_and_the_strongest_also_after_a_res
             session.reception.take(one)
         state = await page.state()
         assert [one["pulses"] for one in state["beeps"]] == [12, *range(77, 108)]
-        session.vehicle.flight.keeper.commit()
-        await session.vehicle.flight.keeper.settle(5.0)
+        session.vehicle.flight.keeper.queue.commit()
+        await session.vehicle.flight.keeper.queue.settle(5.0)
     restarted = AskedPage(tmp_path / "ground", world.ground_address)
     async with restarted.served():
         state = await restarted.state()

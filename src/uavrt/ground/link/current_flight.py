@@ -110,7 +110,7 @@ class CurrentFlight:
 
     def end(self) -> None:
         """End the flight; what the drone sends later of it is still taken."""
-        self.keeper.commit()
+        self.keeper.queue.commit()
         self.keeper.end()
         self._stopped_ns = self._clock.now_ns()
         self._store.set_flight(None)
@@ -157,11 +157,11 @@ class CurrentFlight:
         """Hand what was received to the disk."""
         self._commit_due = False
         self._committed_s = monotonic_s()
-        self.keeper.commit()
+        self.keeper.queue.commit()
 
     def _written(self) -> None:
         """Show what the disk has, or has refused."""
-        if text := self.keeper.mended():
+        if text := self.keeper.queue.mended():
             self._feed.note(3, text)
         self.show_received()
 
@@ -176,11 +176,11 @@ class CurrentFlight:
     async def put_away(self) -> None:
         """Bring what was received to the disk, and log an error if it does not take all."""
         self.keeper.close()
-        await self.keeper.settle(ENDS_WITHIN_S)
+        await self.keeper.queue.settle(ENDS_WITHIN_S)
         self.show_received()
-        taken, durable = self.keeper.progress
+        taken, durable = self.keeper.queue.progress
         if taken > durable:
-            reason = self.keeper.fault or "the disk does not answer"
+            reason = self.keeper.queue.fault or "the disk does not answer"
             log.error(
                 "pulses not stored: the drone keeps them", pulses=taken - durable, reason=reason
             )

@@ -220,7 +220,9 @@ def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
 
     async def handle(request: Request) -> Any:
         vehicles = (session.vehicle, *session.vehicle.companions)
-        await asyncio.gather(*(one.flight.keeper.settle(SETTLES_WITHIN_S) for one in vehicles))
+        await asyncio.gather(
+            *(one.flight.keeper.queue.settle(SETTLES_WITHIN_S) for one in vehicles)
+        )
         return await handler(request)
 
     return handle
