@@ -13,7 +13,7 @@ ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
 """Estimates run again after eight times as long as they took: at most 11 % of a core …"""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
-"""… and with several vehicles after so many times as long for each: 5 % in all."""
+"""… and with several vehicles after this many times as long for each: 5 % in all."""
 ESTIMATES_SHOWN_S = 2.0
 """Of many tags some come with each estimate: the page receives them at this interval."""
 

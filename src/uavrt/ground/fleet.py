@@ -132,7 +132,7 @@ class Fleet:
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _take_course(self, session: GroundSession, course: Course) -> None:
-        """Keep where a drone goes; what is news to others is told soon, all at once."""
+        """Keep where a drone goes; report what is new to the others soon, all at once."""
         number = session.vehicle.identity.system_id
         if number is None or not self._ways.take(number, course, monotonic_s()):
             return
@@ -146,7 +146,7 @@ class Fleet:
             self._tell_ways()
 
     def _tell_ways(self) -> None:
-        """Tell each drone that flies by commands of the others; one alone is told nothing."""
+        """Report to each drone that flies by commands the others; nothing to one alone."""
         self._tell_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [
@@ -154,13 +154,13 @@ class Fleet:
             for number, one in numbers.items()
             if number is not None and one.flying.record() is not None
         ]
-        for number in self._ways.to_tell(flying):
+        for number in self._ways.recipients(flying):
             session = numbers.get(number)
             link = None if session is None else session.vehicle.connection.link
             if link is None:
                 continue
-            for told in self._ways.told_to(number, monotonic_s()):
-                link.send_neighbour(told)
+            for neighbour in self._ways.reports_for(number, monotonic_s()):
+                link.send_neighbour(neighbour)
 
     def _session(self, store: GroundStore, my_place: MyPlace | None) -> GroundSession:
         return GroundSession(

@@ -92,12 +92,7 @@ class Station:
         self._stopping.set()
 
     async def run(self) -> None:
-        """Serve until `stop`.
-
-        Raises `LinkError`: the link cannot be opened.
-        Raises `CommandRefused`: the drone refused the tags or the start.
-        Raises `RecordingError`: the pulses cannot be stored.
-        """
+        """Serve until `stop`; raises `LinkError`, `CommandRefused` or `RecordingError`."""
         directory = self._settings.directory
         self._lines = PulseLines(directory / PULSES_NAME)
         try:

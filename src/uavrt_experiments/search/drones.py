@@ -506,7 +506,7 @@ class FlightOfDrones:
         if len(self.drones) > 1 and (news or time_s >= self._told_s + COURSE_S):
             self._told_s = time_s
             for one in self.drones:
-                for told in self._ways.told_to(one.number + 1, time_s):
+                for told in self._ways.reports_for(one.number + 1, time_s):
                     one.company.take(told, time_s)
 
     def _pass_second(self) -> None:

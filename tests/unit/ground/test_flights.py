@@ -530,7 +530,7 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
         columns = keeper.columns()
         keeper.close()
     alone, last = found
-    both = Estimator().estimate(columns, AntennaChoice(), beside=[alone])
+    both = Estimator().estimate(columns, AntennaChoice(), companions=[alone])
     (together,) = both.positions
     assert together["stations"] == 2
     assert together["radius95_m"] < 0.5 * min(
@@ -542,16 +542,20 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
     assert both.outline == last.outline != alone.outline
     other_hz = {TAG.tag_id: TAG.frequency_hz + 50e3}
     elsewhere = replace(alone, found=replace(alone.found, frequencies_hz=other_hz))
-    apart = Estimator().estimate(columns, AntennaChoice(), beside=[elsewhere])
+    apart = Estimator().estimate(columns, AntennaChoice(), companions=[elsewhere])
     assert apart.positions == last.positions  # the same number there is another animal's
     unheard = replace(columns, pulses=columns.pulses[:, :0])
     (by_the_other,) = (
-        Estimator().estimate(unheard, AntennaChoice(), beside=[alone], listed=[TAG]).positions
+        Estimator()
+        .estimate(unheard, AntennaChoice(), companions=[alone], listed=[TAG])
+        .positions
     )
     assert by_the_other["stations"] == 1
     other = replace(TAG, frequency_hz=TAG.frequency_hz + 50e3)
     assert (
-        Estimator().estimate(unheard, AntennaChoice(), beside=[alone], listed=[other]).positions
+        Estimator()
+        .estimate(unheard, AntennaChoice(), companions=[alone], listed=[other])
+        .positions
         == []
     )
 

@@ -1,7 +1,7 @@
 """Download flights from the drone over the station's own link, with progress.
 
 The conversation is `uavrt.ground.fetch.ftp_client`'s, as in ``uavrt fetch``; here its requests
-go out on the link that the page has open already. A flight lies beside those received here, as
+go out on the link that the page has open already. A flight lies among those received here, as
 ``NAME_drone``: the two recordings of one flight may have the same name, and neither may be
 written over.
 """
@@ -90,7 +90,7 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Begin to fetch a flight; progress is told to all listeners.
+        """Begin to fetch a flight; its progress is sent to all pages.
 
         `flight_id`: its name on the drone.
         `everything`: its recorded samples as well.

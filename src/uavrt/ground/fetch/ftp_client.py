@@ -32,8 +32,8 @@ BURST_BYTES = 1 << 20
 """Most that is taken of a burst; a server that sends more is asked again from there."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
-"""What must come within `STALL_NS`: the slowest radio brings three times as much, and who
-trickles a kilobyte a minute in the drone's place holds nobody up for longer than one."""
+"""What must come within `STALL_NS`: the slowest radio brings three times as much, and a
+server that trickles a kilobyte a minute is given up after one."""
 MOST_REPLIES = 4096
 """Replies that wait; a flood drops its rest."""
 CHECKSUM_TRIES = 30
@@ -357,7 +357,7 @@ async def fetch_file(
     """Fetch one file; False if it was here already.
 
     It grows as ``NAME.part`` and gets its name when its checksum is right. A part that was
-    there is gone on with; if the whole is then wrong it is fetched anew, once. A file of that
+    there is gone on with; if the whole is then wrong it is fetched again, once. A file of that
     name that is here and is no earlier state of this one stays; the new one is then
     ``NAME.other-1``.
 

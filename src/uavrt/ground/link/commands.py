@@ -113,7 +113,7 @@ class Commands:
         }
 
     async def send_tags(self) -> str:
-        """Send the tag table to the drone; returns what to tell the operator.
+        """Send the tag table to the drone; returns a text for the operator.
 
         Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer.
         """
@@ -242,7 +242,7 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and place (the drone's unless told) into the flight."""
+        """Write a remark with time and place (by default the drone's) into the flight."""
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:

@@ -63,10 +63,7 @@ class DroneParameters:
         self._news.set()
 
     async def list_all(self) -> dict[str, float]:
-        """Get every parameter's value.
-
-        Raises `LinkError`: the drone does not answer.
-        """
+        """Get every parameter's value; raises `LinkError`."""
         drone = self._drone()
         await self._learn_encoding(drone)
         self._raw.clear()
@@ -91,7 +88,7 @@ class DroneParameters:
         await self._learn_encoding(drone)
         before = self._answered.get(name, 0)
         for _ in range(TRIES):
-            # Sealed anew each time: a drone takes no seal twice.
+            # Sealed for each try: a drone takes no seal twice.
             with suppress(LinkError):  # its session comes within a second
                 self._send(self._wish(name, value, drone))
             deadline_s = monotonic_s() + self._wait_s

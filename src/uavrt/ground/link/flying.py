@@ -26,7 +26,7 @@ from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
-"""The drone tells its standing once a second."""
+"""Silence after which the drone's motion state is unknown; it comes once a second."""
 OFFER_NS = ns_from_s(OFFER_HOLDS_S)
 """So long the drone waits for a confirmation."""
 PATTERNS = ("lines", "around", "points")
@@ -184,10 +184,7 @@ class Flying:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Let the drone stand and be out.
-
-        Raises `CommandRefused`, `LinkError`: the drone did not take it: then a pilot has to.
-        """
+        """Let the drone stand and be out; raises `CommandRefused` or `LinkError`."""
         self._offered = None
         self._vehicle.feed.note(5, "taken back by the operator")
         state = await stop(self._link())

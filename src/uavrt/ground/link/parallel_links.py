@@ -163,7 +163,7 @@ class Ways:
             await self._shared.close()
 
     def send(self, message: Message, link: int | None = None) -> None:
-        """Send by one link, the best one unless told."""
+        """Send by one link; None: by the best one."""
         number = self.best()[0] if link is None else link
         if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
             system_id = getattr(message, "target_system", 0)
@@ -189,7 +189,7 @@ class Ways:
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send by the link that the drone uses for pulses, if it has used one lately."""
+        """Send by the link that the drone uses for pulses, if that is alive."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 

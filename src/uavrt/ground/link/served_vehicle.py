@@ -94,10 +94,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     async def connect(self) -> None:
-        """Open the link that is set, in place of any other.
-
-        Raises `LinkError`: it cannot be opened; the state says why, too.
-        """
+        """Open the link that is set, in place of any other; raises `LinkError`."""
         await self.disconnect()
         await self.connection.open(self.drone.sent_tags)
 

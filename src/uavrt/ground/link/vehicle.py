@@ -21,7 +21,7 @@ ASKED_HZ = 5.0
 FACTS_AGAIN_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
-"""As for the drone: after this there is no link whose loss could be told."""
+"""Silence after which the loss of the link is unknown."""
 UNKNOWN_HEADING = 65_535
 UNKNOWN_VOLTAGE = 65_535
 UNKNOWN_SPACE = 0xFFFF_FFFF
@@ -83,12 +83,12 @@ class VehicleWatch:
         self.pose: Pose | None = None
         """The vehicle's latest pose, on the ground's clock."""
         self.home: tuple[float, float] | None = None
-        """Latitude and longitude of where it took off, as the autopilot tells."""
+        """Latitude and longitude of where it took off, as the autopilot reports."""
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None
         self.disk_free_mb: float | None = None
-        """Where the drone records its flights; None before it has told."""
+        """Where the drone records its flights; None before its first report."""
         self.round_trip_s: float | None = None
         """Of the last ping to the drone's companion and back."""
         self.loss = LossMeter()
@@ -99,7 +99,7 @@ class VehicleWatch:
         self._ping_number = 0
 
     def receive(self, frame: Frame, now_ns: int) -> Pose | None:
-        """Handle a frame; return the vehicle's pose when it tells a new position."""
+        """Handle a frame; return the vehicle's pose when it has a new position."""
         message = frame.message()
         if isinstance(message, dialect.RadioStatus):
             self._take_radio(message)
@@ -174,10 +174,10 @@ class VehicleWatch:
                 dialect.HomePosition.ID,
                 dialect.SysStatus.ID,
             )
-        ] + self._ask_to_tell_landings()
+        ] + self._landing_requests()
 
-    def _ask_to_tell_landings(self) -> list[Message]:
-        """Ask an autopilot that does not say whether it stands on the ground to say it."""
+    def _landing_requests(self) -> list[Message]:
+        """Request the landed state from an autopilot that does not send it."""
         if self.landed is not None:
             return []
         number = float(dialect.ExtendedSysState.ID)

@@ -64,7 +64,7 @@ class VehicleMissions:
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
         self._homes: dict[int, tuple[float, float]] = {}
-        """As told since they were asked for."""
+        """Reported since they were last requested."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -120,11 +120,7 @@ class VehicleMissions:
         return await self.upload(await call(survey_items, order, known, home))
 
     async def home(self) -> tuple[float, float]:
-        """Ask the vehicle for its home.
-
-        Raises `CommandRefused`: it reports none, or is not known.
-        Raises `LinkError`: it is not heard.
-        """
+        """Ask the vehicle for its home; raises `CommandRefused` or `LinkError`."""
         self._homes.clear()
         asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
         for _ in range(asks):
@@ -170,12 +166,7 @@ class VehicleMissions:
         )
 
     async def fence(self) -> VehicleFence:
-        """Read the vehicle's fence.
-
-        Raises `CommandRefused`: it reports none, or is not known.
-        Raises `FormatError`: what it sends is no fence.
-        Raises `LinkError`: it does not answer.
-        """
+        """Read the vehicle's fence; raises `CommandRefused`, `FormatError` or `LinkError`."""
         async with self._busy:
             peer, _ = self._vehicle()
             download = MissionDownload("fence", peer, self._own)

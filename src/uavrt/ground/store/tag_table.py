@@ -164,11 +164,11 @@ def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
     None where no file has a column that says so.
     """
     table = [cells for text in files.values() for cells in read_csv(text)]
-    told = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
+    found = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
     numbers = [
-        number_in_cell(cells.get("id")) for cells in told if not is_selected(cells["selected"])
+        number_in_cell(cells.get("id")) for cells in found if not is_selected(cells["selected"])
     ]
-    return tuple(sorted({int(one) for one in numbers if one is not None})) if told else None
+    return tuple(sorted({int(one) for one in numbers if one is not None})) if found else None
 
 
 def _own_row(cells: Mapping[str, str]) -> Row:
@@ -178,10 +178,7 @@ def _own_row(cells: Mapping[str, str]) -> Row:
 
 
 def export_text(tags: Sequence[Tag], name: str) -> str:
-    """Write tags as ``tags.toml``, ``TagInfo.txt`` or ``tags.csv``.
-
-    Raises `UsageError`: there is no such format, or it cannot hold these tags.
-    """
+    """Write tags as ``tags.toml``, ``TagInfo.txt`` or ``tags.csv``; raises `UsageError`."""
     if name in ("tags.toml", "TagInfo.txt"):
         return tags_as_text(tags, Path(name).suffix)
     if name == "tags.csv":

@@ -18,7 +18,7 @@ from uavrt.ground.store import tag_table
 from uavrt.ground.store.coordinates import readout
 from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS
-from uavrt.ground.web.facts import tell_facts, told_facts
+from uavrt.ground.web.facts import change_facts, facts_in
 from uavrt.ground.web.first_flight import first_flight_findings, usual_noise_db
 from uavrt.ground.web.flight_api import FlightApi
 from uavrt.ground.web.foreign_worker import ForeignWorker
@@ -96,13 +96,13 @@ class Api:
         return asdict(store.settings)
 
     async def facts(self, request: Request) -> Any:
-        """What reports tell of who flew what."""
-        return await asyncio.to_thread(told_facts, self._vehicle.store.directory)
+        """Operator, species and other facts for reports."""
+        return await asyncio.to_thread(facts_in, self._vehicle.store.directory)
 
     async def put_facts(self, request: Request) -> Any:
-        """Change some of it, for all flights that have no report.toml of their own."""
-        told, folder = await json_body(request), self._vehicle.store.directory
-        return await asyncio.to_thread(tell_facts, folder, told)
+        """Change some facts, for all flights that have no report.toml of their own."""
+        values, folder = await json_body(request), self._vehicle.store.directory
+        return await asyncio.to_thread(change_facts, folder, values)
 
     async def choices(self, request: Request) -> Any:
         """The choices: serial ports, antennas, presets, maps."""

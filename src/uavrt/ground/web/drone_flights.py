@@ -1,4 +1,4 @@
-"""Routes beside those of `uavrt.ground.web.api`: the drone's flights, and waterfalls."""
+"""Routes of the drone's flights, and of waterfalls."""
 
 import asyncio
 from dataclasses import asdict

@@ -220,8 +220,8 @@ def _form(scope: Scope, fault: str = "", **gaps: str) -> str:
     known = (one.strip()[:2] for one in wanted)
     language = next((one for one in known if one in _WORDS), "en")
     words = _WORDS[language]
-    told = words[fault].format(**gaps) if fault else ""
-    return _LOGIN.format(language=language, fault=told, **words)
+    text = words[fault].format(**gaps) if fault else ""
+    return _LOGIN.format(language=language, fault=text, **words)
 
 
 async def _body(receive: Receive) -> bytes:

@@ -28,7 +28,7 @@ _MOST_CORNERS = 500
 def integrated_record(flight: Path) -> Record:
     """Verdicts of a whole flight, and the pulses seen in hindsight, evenly thinned.
 
-    Raises `FormatError`: what lies beside the flight is damaged.
+    Raises `FormatError`: a file of the flight is damaged.
     """
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
@@ -77,11 +77,11 @@ class SilenceDesk:
         self._desk = MapDesk(_made, _record, "map of silence")
 
     def answer(self, asked: Silence, *, again: bool = False) -> Record:
-        """Tell how far the map is, or what it shows; as `MapDesk.answer`."""
+        """Report how far the map is, or what it shows; as `MapDesk.answer`."""
         return self._desk.answer(asked, again=again)
 
     def absence(self, asked: Silence, wanted: object) -> Record:
-        """Tell how probable it is that a tag that was not heard is not in an outline.
+        """Report how probable it is that a tag that was not heard is not in an outline.
 
         Raises `FormatError`: there is no outline.
         Raises `UsageError`: the map is not there yet, the tag was heard, or the outline lies
@@ -110,8 +110,8 @@ class SilenceDesk:
         east, north = plane.to_local(latitude, longitude)
         corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
         area = Polygon(corners=corners, name="area")
-        told = absence(coverage, inside(area, coverage.ground), None)
-        return {**asdict(told), "prior_is": "anywhere on the map alike"}
+        found = absence(coverage, inside(area, coverage.ground), None)
+        return {**asdict(found), "prior_is": "anywhere on the map alike"}
 
 
 def _outline(wanted: object) -> list[list[float]]:

@@ -32,7 +32,7 @@ class IntegrationDesk:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Begin to judge a flight, or tell how that stands.
+        """Begin to judge a flight, or report how far that is.
 
         `flight`: its directory, with the samples that it kept.
         `dem`: elevation file or folder; empty: the ground is taken as level.
@@ -72,7 +72,7 @@ async def _judged(flight: Path, dem: str) -> str | None:
 def fold_pictures(flight: Path) -> dict[str, Record]:
     """Make pictures of a flight folded at its tags' intervals, by tag; phase to the right.
 
-    Raises `FormatError`: what lies beside the flight is damaged.
+    Raises `FormatError`: a file of the flight is damaged.
     """
     pictures = {}
     for one in read_folds(flight):

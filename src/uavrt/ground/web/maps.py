@@ -64,10 +64,7 @@ def map_list(directory: Path) -> list[dict[str, Any]]:
 
 
 def map_path(directory: Path, name: str) -> Path:
-    """Get the path of a map.
-
-    Raises `UsageError`: there is none of this name; a name with a path in it never is one.
-    """
+    """Get the path of a map; raises `UsageError`."""
     path = directory / name
     if not _NAME.fullmatch(name) or not path.is_file():
         raise UsageError(f"there is no map {name[:80]!r}")
@@ -90,7 +87,7 @@ async def store_map(
         )
     taken = 0
     try:
-        # A folder of its own: faults are told by the file's name, and two may come at once.
+        # A folder of its own: errors name the file, and two may come at once.
         with TemporaryDirectory(prefix=".coming-", dir=directory) as coming:
             part = Path(coming) / name
             with part.open("wb") as file:

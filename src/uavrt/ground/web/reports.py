@@ -19,7 +19,7 @@ POLICY = (
 )
 """What a browser may do with a report: show it. Names in it were typed by people."""
 FACTS = "report.toml"
-"""What people tell of flights (`uavrt.analysis.facts`)."""
+"""Facts about flights, written by people (`uavrt.analysis.facts`)."""
 
 
 class Reporter:
@@ -58,8 +58,8 @@ def _kept(place: Path, flight: Path) -> bytes | None:
     report = place / "report.html"
     if not report.is_file():
         return None
-    told = [path for path in (flight / FACTS, flight.parent / FACTS) if path.is_file()]
-    changed = max(path.stat().st_mtime for path in (*flight.glob("flight.sqlite*"), *told))
+    facts = [path for path in (flight / FACTS, flight.parent / FACTS) if path.is_file()]
+    changed = max(path.stat().st_mtime for path in (*flight.glob("flight.sqlite*"), *facts))
     return report.read_bytes() if report.stat().st_mtime > changed else None
 
 

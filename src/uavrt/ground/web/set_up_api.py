@@ -84,12 +84,12 @@ class SetUpApi:
         setup = self._setup
         assert setup is not None
         values = await asyncio.to_thread(setup.values)
-        told = await asyncio.to_thread(setup.finish)
+        finished = await asyncio.to_thread(setup.finish)
         store = self._session.vehicle.store
         own = {"vehicle_name": values["name"], "antenna": values["antenna"]}
         await store.disk.run(store.set_settings, store.settings.changed(own))
         self._session.settings_changed()
-        return told
+        return finished
 
     async def command_key(self, request: Request) -> Any:
         """The drone's command key as a file, for a laptop that is to command."""
