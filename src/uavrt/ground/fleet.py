@@ -86,11 +86,7 @@ class Fleet:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def serve(self, system_id: int) -> GroundSession:
-        """Serve a vehicle besides the others, on the same links.
-
-        Raises `UsageError`: it is served already, or there are too many.
-        Raises `ConfigError`: its directory cannot be written.
-        """
+        """Serve a further vehicle on the same links; raises `UsageError` or `ConfigError`."""
         if system_id in self._others:
             return self._others[system_id]
         if not 1 <= system_id <= 255:
@@ -112,10 +108,7 @@ class Fleet:
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Serve a vehicle no more; its flight here ends, what it does goes on.
-
-        Raises `UsageError`: it is not served besides the first.
-        """
+        """Serve a further vehicle no more; its flight here ends, the drone continues."""
         if system_id not in self._others:
             raise UsageError(f"there is no further vehicle {system_id}")
         self.first.vehicle.identity.excluded.discard(system_id)

@@ -153,10 +153,7 @@ class GroundSession:
         vehicle.feed.send_state()
 
     def choose_vehicle(self, system_id: int) -> None:
-        """Serve another vehicle; the flight of the one before ends here, not on its drone.
-
-        Raises `UsageError`: it has a page of its own, or this is the page of a further vehicle.
-        """
+        """Serve another vehicle; raises `UsageError` if it has a page of its own."""
         self.vehicle.choose(system_id)
         self.flying.forget()
         self.vehicle.feed.note(5, f"this page serves vehicle {system_id} now")

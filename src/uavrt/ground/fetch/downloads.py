@@ -73,11 +73,7 @@ class Downloads:
             self._client.receive(message.payload)
 
     async def flights(self) -> list[dict[str, Any]]:
-        """List the flights on the drone, newest first, and whether each is here.
-
-        Raises `LinkError`: there is no drone, it does not answer, or a download is already
-        running.
-        """
+        """List the flights on the drone, newest first, and whether each is here."""
         if self._asking.locked():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -94,8 +90,6 @@ class Downloads:
 
         `flight_id`: its name on the drone.
         `everything`: its recorded samples as well.
-        Raises `UsageError`: not the name of a flight, or that of one on this same computer.
-        Raises `LinkError`: another one is under way.
         """
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")

@@ -113,14 +113,11 @@ class Commands:
         }
 
     async def send_tags(self) -> str:
-        """Send the tag table to the drone; returns a text for the operator.
-
-        Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer.
-        """
+        """Send the tag table to the drone; return a text for the operator."""
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table whatever the last heartbeat said; raises as `send_tags`."""
+        """Send the tag table whatever the last heartbeat said."""
         tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)

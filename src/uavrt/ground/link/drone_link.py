@@ -5,7 +5,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import Callable, Sequence
 
 from uavrt.commands import NO_UPLOAD, CommandName, Generation
 from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
@@ -40,8 +40,6 @@ log = get_logger()
 
 HEARTBEAT_S = 1.0
 RECEIPT_POLL_S = 0.05
-EVENTS = 20_000
-"""Events kept for a slow reader; at 50 pulses a second, almost 7 minutes."""
 
 
 class GroundLink:
@@ -52,15 +50,13 @@ class GroundLink:
 
     ::
 
-        link = GroundLink(clock.now_ns)
+        link = GroundLink(clock.now_ns, on_event=print)
         task = asyncio.create_task(link.run("udpin://127.0.0.1:14550"))
         await link.wait_for_drone(30.0)
         await link.upload_tags(tags)
         await link.start_detection()
-        async for event in link.events():
-            ...
 
-    `on_event`: called at once with each event; without it they wait for `events`.
+    `on_event`: called at once with each event.
     `generation`: wire format of the drone's software.
     `system_id`, `component_id`: our own numbers; 254/190, or 255/190 with `as_gcs`.
     `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on.
@@ -81,13 +77,13 @@ class GroundLink:
         self,
         clock_ns: Callable[[], int],
         *,
-        on_event: Callable[[GroundEvent], None] | None = None,
+        on_event: Callable[[GroundEvent], None] = lambda _event: None,
         generation: Generation = "G1",
         system_id: int | None = None,
         component_id: int = 190,
         as_gcs: bool = False,
         ack_wait_s: float = ACK_WAIT_S,
-        on_frame: Callable[[Frame], None] | None = None,
+        on_frame: Callable[[Frame], None] = lambda _frame: None,
         receipts: Receipts | None = None,
         key: Key | None = None,
         signing_key: SigningKey | None = None,
@@ -122,7 +118,6 @@ class GroundLink:
         )
         self.contact = DroneContact(signing)
         self._exchange = Exchange(self.protocol, self._ways, self.contact, clock_ns, ack_wait_s)
-        self._events: asyncio.Queue[GroundEvent] = asyncio.Queue(EVENTS)
         self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
         """The drone's parameters."""
         self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
@@ -239,11 +234,6 @@ class GroundLink:
         """Send an order of motion, a confirmation or a stop; see `Exchange.motion`."""
         return await self._exchange.motion(payload, request_id)
 
-    async def events(self) -> AsyncIterator[GroundEvent]:
-        """Return events as they come."""
-        while True:
-            yield await self._events.get()
-
     def send_neighbour(self, neighbour: Neighbour) -> None:
         """Report another drone to this one, once it is there and has sent its session."""
         with contextlib.suppress(LinkError):
@@ -264,13 +254,13 @@ class GroundLink:
     def _receive(self, frame: Frame, link: int) -> None:
         if not self.contact.accepts(frame):
             return
-        if self._on_frame is not None:
-            self._on_frame(frame)
+        self._on_frame(frame)
         self.parameters.take(frame)
         self.missions.take(frame)
         try:
             for event in self.protocol.receive(frame, self._clock_ns()):
-                self._deliver(event)
+                self._exchange.take(event)
+                self._on_event(event)
             self.protocol.taken(self._progress()[0])
             self._acknowledge()
         except RecordingError as error:  # it comes again, as it is not acknowledged
@@ -284,15 +274,6 @@ class GroundLink:
     def _acknowledge(self) -> None:
         """Let the next receipt name what is on the disk."""
         self.protocol.stored(self._progress()[1])
-
-    def _deliver(self, event: GroundEvent) -> None:
-        self._exchange.take(event)
-        if self._on_event is not None:
-            self._on_event(event)
-            return
-        if self._events.full():
-            self._events.get_nowait()
-        self._events.put_nowait(event)
 
 
 def _without_codes(error: LinkError) -> LinkError:

@@ -82,7 +82,6 @@ class DroneParameters:
         """Set a parameter; return the value in force then.
 
         Raises `CommandRefused`: the drone kept another value; its text says why.
-        Raises `LinkError`: it did not answer.
         """
         drone = self._drone()
         await self._learn_encoding(drone)

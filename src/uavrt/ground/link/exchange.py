@@ -26,6 +26,8 @@ CONFIRMS_WITHIN_NS = ns_from_s(1.0)
 class Exchange:
     """Sends one command or order at a time and waits for its answer.
 
+    Raises `CommandRefused` with the drone's reason, or `LinkError` without an answer.
+
     `ack_wait_s`: how long to wait for each acknowledgement before the command is sent again.
     """
 
@@ -55,11 +57,7 @@ class Exchange:
             self._awaited[key].set_result(event)
 
     async def command(self, payload: bytes, payload_type: int, request_id: int) -> Acknowledged:
-        """Send a command until it is acknowledged, with the same bytes each time.
-
-        Raises `CommandRefused`: the drone refused it.
-        Raises `LinkError`: no answer after four tries.
-        """
+        """Send a command until it is acknowledged, with the same bytes each of four times."""
         number = acked_command_of(payload)
         assert number is not None
 
@@ -92,8 +90,6 @@ class Exchange:
         is not confirmed. A stop waits for nothing else that is under way.
 
         `payload`: by `uavrt.tunnel.motion`.
-        Raises `CommandRefused`: the drone refused; the text is its reason.
-        Raises `LinkError`: it did not answer.
         """
 
         def send(_attempt: int) -> None:

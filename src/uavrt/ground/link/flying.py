@@ -107,10 +107,7 @@ class Flying:
         }
 
     def plan(self, wish: Any) -> dict[str, Any]:
-        """Where a motion would lead, as far as the ground knows; nothing is asked.
-
-        Raises `FormatError`, `UsageError`, `PlanError`: it is none, or cannot be flown.
-        """
+        """Where a motion would lead, as far as the ground knows; nothing is asked."""
         way = self._way(_request(wish))
         home = self._home()
         return {
@@ -122,11 +119,7 @@ class Flying:
         }
 
     async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Ask the drone; give its offer. Nothing moves by it.
-
-        Raises `CommandRefused`, `LinkError`, `UavrtError`: the drone would not fly it, or does
-        not answer; or the wish is none.
-        """
+        """Ask the drone; return its offer. Nothing moves by it."""
         request = _request(wish)
         way = self._way(request)
         self._offered = None
@@ -140,11 +133,7 @@ class Flying:
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
     async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Confirm the offer that this page sees: from now on it moves.
-
-        Raises `CommandRefused`, `LinkError`: there is no such offer any more, or the drone
-        refuses.
-        """
+        """Confirm the offer that this page sees: from now on it moves."""
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
@@ -166,9 +155,6 @@ class Flying:
 
         The way is checked by `call`, outside of the event loop: an outline of 1000 corners
         takes seconds.
-
-        Raises `CommandRefused`, `LinkError`, `UavrtError`: the vehicle does not take it, flies
-        a mission or does not answer; or it is none.
         """
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too

@@ -64,11 +64,7 @@ class Links:
             self._listeners.remove(listener)
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all; return the tasks that go on trying where that was not possible.
-
-        Raises `ConfigError`: an address is none.
-        Raises `LinkError`: None could be opened.
-        """
+        """Open all, or at least one; return the tasks that go on trying to open the others."""
         self._links = [None] * len(addresses)
         self._writers = [self._writer(number) for number in range(len(addresses))]
         failed: dict[int, LinkError] = {}

@@ -170,10 +170,7 @@ class ServedVehicle:
         self._foreign_reported = foreign
 
     def choose(self, system_id: int) -> None:
-        """Serve another vehicle; the flight of the one before ends here, not on its drone.
-
-        Raises `UsageError`: it has a page of its own, or this is the page of a further vehicle.
-        """
+        """Serve another vehicle; the flight of the one before ends here, not on its drone."""
         if self.store.system_id is not None:
             raise UsageError(f"this page is that of vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):

@@ -54,6 +54,9 @@ class _Autopilot:
 class VehicleMissions:
     """Uploads and downloads, one at a time.
 
+    Raises `CommandRefused` if the vehicle flies a mission, is unknown or refuses, and
+    `LinkError` if it does not answer.
+
     `system_id`: of the vehicle that is served; None while that is not known.
     """
 
@@ -106,10 +109,6 @@ class VehicleMissions:
         """Give the vehicle a survey that keeps to its fence and comes home within it.
 
         The way is checked by `call`, which calls a function outside of the event loop.
-
-        Raises `PlanError`: it does not; or it is no survey that can be a mission.
-        Raises `CommandRefused`, `FormatError`, `LinkError`: as of `upload` and `fence`; or the
-        vehicle reports no home.
         """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
@@ -136,12 +135,7 @@ class VehicleMissions:
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
-        """Give the vehicle a mission in place of its own, and read it back.
-
-        Raises `CommandRefused`: it flies a mission, is not known, does not take this one or
-        holds another then.
-        Raises `LinkError`: it does not answer.
-        """
+        """Give the vehicle a mission in place of its own, and read it back."""
         async with self._busy:
             peer, manners = self._vehicle()
             self._check_mode(manners)

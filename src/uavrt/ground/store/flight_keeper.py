@@ -160,10 +160,7 @@ class FlightKeeper:
             self.queue.record(write)
 
     def add_pulse(self, item: PulsePose) -> bool:
-        """Add a pulse; False when it was here before.
-
-        Raises `RecordingError`: it was not taken: too many wait for the disk.
-        """
+        """Add a pulse; False when it was here before. Raises as `FlightQueue.store`."""
         key = item.pulse.key
         if key in self._live.keys:
             return False

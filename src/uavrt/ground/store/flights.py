@@ -286,11 +286,7 @@ class FlightLibrary:
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Mark a flight and its copies as never to be removed, or take the mark away.
-
-        Raises `UsageError`: there is no such flight.
-        Raises `RecordingError`: the disk does not take it.
-        """
+        """Mark a flight and its copies as never to be removed, or take the mark away."""
         self.path(flight_id)
         flown = flown_name(flight_id)
         for flight in self.directory.iterdir():
@@ -320,11 +316,7 @@ class FlightLibrary:
             return _columns(database, "poses", _SELECT_POSES, 8)
 
     def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
-        """Get some pulses as records, in the order in which they were stored.
-
-        `flight_id`: which flight.
-        `after`, `limit`: how many to pass over, and how many to give at most.
-        """
+        """Get at most `limit` pulses as records, as stored, without the first `after`."""
         with self._database(flight_id) as database:
             rows = database.execute(
                 f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)

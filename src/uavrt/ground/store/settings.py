@@ -148,10 +148,7 @@ class GroundStore:
         """What of listed tags was corrected, with the old values; the newest last."""
 
     def of_vehicle(self, system_id: int) -> "GroundStore":
-        """Get the store of a further vehicle; at first with these settings and tags.
-
-        Raises `ConfigError`: it cannot be written.
-        """
+        """Get the store of a further vehicle; at first with these settings and tags."""
         known = (self.directory / "vehicles" / str(system_id)).exists()
         store = GroundStore(self.directory, system_id, self)
         if not known:

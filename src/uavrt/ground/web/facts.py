@@ -8,21 +8,14 @@ from uavrt.errors import ConfigError, UsageError
 
 
 def facts_in(folder: Path) -> dict[str, str]:
-    """Each field with its text; empty where it is not set.
-
-    Raises `ConfigError`: a file written by hand cannot be read.
-    """
+    """Each field with its text, empty where it is not set; raises `ConfigError`."""
     path = folder / NAME
     found = read_facts(path) if path.is_file() else Facts()
     return {name: text or "" for name, text in asdict(found).items()}
 
 
 def change_facts(folder: Path, values: object) -> dict[str, str]:
-    """Change some fields; gives all of them.
-
-    Raises `UsageError`: a field is wrong; the text says which.
-    Raises `ConfigError`: the file that is there cannot be read.
-    """
+    """Change some fields, return all; raises `UsageError` or `ConfigError`."""
     now = facts_in(folder)
     if not isinstance(values, dict):
         raise UsageError("facts must be an object")

@@ -74,12 +74,7 @@ def map_path(directory: Path, name: str) -> Path:
 async def store_map(
     directory: Path, name: str, chunks: AsyncIterator[bytes], worker: ForeignWorker
 ) -> dict[str, Any]:
-    """Write a map file as it comes, whole or not at all; gives its facts.
-
-    Raises `UsageError`: the name is none of a map, or the file is too large.
-    Raises `FormatError`: it is no map.
-    Raises `RecordingError`: it cannot be written.
-    """
+    """Write a map file as it comes, whole or not at all; return its facts."""
     if not _NAME.fullmatch(name):
         raise UsageError(
             f"{name[:80]!r} cannot be a map's name",
@@ -109,10 +104,7 @@ def _facts(one: MapFile) -> dict[str, Any]:
 
 
 def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:
-    """Get a tile of an MBTiles file: content, media type, encoding; None where there is none.
-
-    Raises `FormatError`: the file is damaged.
-    """
+    """Get a tile of an MBTiles file: content, media type, encoding; None without one."""
     content = read_map(path).tile(z, x, y)
     if content is None:
         return None

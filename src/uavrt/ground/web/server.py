@@ -69,11 +69,7 @@ class ServerSettings:
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:
-    """Bind the server's socket, so that a busy port is reported before anything starts.
-
-    Raises `LinkError`: the port is in use, or the address does not belong to this computer.
-    Raises `ConfigError`: the certificate is none.
-    """
+    """Bind the server's socket, so that a busy port is reported before anything starts."""
     _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     sock = ListeningSocket(family)
