@@ -15,7 +15,13 @@ from typing import Any
 
 from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.ground.fetch.flight_list import drone_flights
-from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
+from uavrt.ground.fetch.ftp_client import (
+    FileClient,
+    RemoteEntry,
+    fetch_file,
+    file_request,
+    require_room,
+)
 from uavrt.ground.fetch.sample_files import is_samples
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.store.beside_drone import is_the_drones
@@ -167,15 +173,7 @@ class Downloads:
             raise LinkError(
                 "No contact with the drone", remedy="Check its power and the radio link"
             )
-        drone = link.protocol.drone
-        link.send(
-            dialect.FileTransferProtocol(
-                target_network=0,
-                target_system=drone.system_id,
-                target_component=drone.component_id,
-                payload=payload,
-            )
-        )
+        link.send(file_request(link.protocol.drone, payload))
 
     def _place(self, flight_id: str) -> Path:
         return self._vehicle.store.directory / f"{flight_id}{FETCHED_COPY}"

@@ -8,9 +8,10 @@ from contextlib import suppress
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.protocol import GroundProtocol
+from uavrt.ground.link.vehicle import request_message
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import dialect
-from uavrt.mavlink.dialect import MavCmd, MavParamType, MavProtocolCapability
+from uavrt.mavlink.dialect import MavParamType, MavProtocolCapability
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
@@ -133,14 +134,7 @@ class DroneParameters:
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return
-            self._send(
-                dialect.CommandLong(
-                    target_system=drone.system_id,
-                    target_component=drone.component_id,
-                    command=MavCmd.REQUEST_MESSAGE,
-                    param1=dialect.AutopilotVersion.ID,
-                )
-            )
+            self._send(request_message(drone, dialect.AutopilotVersion.ID))
             await self._wait_for_news(self._wait_s)
         raise LinkError("the drone does not say who it is", remedy="Try again")
 

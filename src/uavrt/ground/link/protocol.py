@@ -336,18 +336,12 @@ class GroundProtocol:
                     step_count=message.step_count,
                     message=message.message,
                 )
-            case AckG2():
+            case AckG0() | AckG1() | AckG2():
                 return Acknowledged(
                     command=message.acked_command,
                     accepted=message.result == SUCCESS,
-                    message=message.message,
-                    request_id=message.request_id,
-                )
-            case AckG0() | AckG1():
-                return Acknowledged(
-                    command=message.acked_command,
-                    accepted=message.result == SUCCESS,
-                    message=message.message if isinstance(message, AckG1) else "",
+                    message="" if isinstance(message, AckG0) else message.message,
+                    request_id=message.request_id if isinstance(message, AckG2) else 0,
                 )
             case Heartbeat() | HeartbeatG2v1() | HeartbeatG2():
                 temperature = message.cpu_temperature_c

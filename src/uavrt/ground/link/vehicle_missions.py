@@ -11,11 +11,12 @@ from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.link.vehicle import request_message
 from uavrt.guidance.manners import Manners, manners_of
 from uavrt.guidance.mission import MissionItem, difference, fence_of, survey_items
 from uavrt.guidance.orders import Limits, Order
 from uavrt.mavlink import dialect
-from uavrt.mavlink.dialect import MavCmd, MavComponent
+from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
@@ -124,7 +125,7 @@ class VehicleMissions:
         asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
         for _ in range(asks):
             peer, _manners = self._vehicle()
-            self._send(_home_request(peer))
+            self._send(request_message(peer, dialect.HomePosition.ID))
             for _ in range(round(ASKS_EVERY_S / POLL_S)):
                 await asyncio.sleep(POLL_S)
                 if peer.system_id in self._homes:
@@ -234,12 +235,3 @@ class VehicleMissions:
     def _send_all(self, messages: Sequence[Message]) -> None:
         for message in messages:
             self._send(message)
-
-
-def _home_request(vehicle: Peer) -> Message:
-    return dialect.CommandLong(
-        target_system=vehicle.system_id,
-        target_component=vehicle.component_id,
-        command=MavCmd.REQUEST_MESSAGE,
-        param1=float(dialect.HomePosition.ID),
-    )

@@ -37,7 +37,7 @@ from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.guard import Guard
 from uavrt.ground.web.page_records import send_records
 from uavrt.ground.web.routing import Handler, answered, made
-from uavrt.ground.web.set_up_api import SetUpApi
+from uavrt.ground.web.set_up_api import set_up_rows
 
 STATIC = Path(__file__).parents[1] / "static"
 DEFAULT_PORT = 8650
@@ -164,7 +164,7 @@ def application(
     worker = ForeignWorker()
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
     routes = _routes(session, worker, settings.drone_settings)
-    routes += made(SetUpApi(session, settings.drone_settings).routes(), session.commander)
+    routes += made(set_up_rows(session, settings.drone_settings), session.commander)
     if fleet is not None:
         routes += made(FleetApi(fleet).routes(), session.commander)
         routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet, worker)))

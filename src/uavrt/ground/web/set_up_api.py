@@ -22,22 +22,13 @@ class SetUpApi:
     """The steps of `uavrt.computer.first_setup`, asked of this computer.
 
     `session`: the page's; it takes over the drone's name and antenna.
-    `config`: the drone side's settings on this computer; None: the page runs elsewhere.
     """
 
-    def __init__(self, session: GroundSession, config: Path | None) -> None:
-        self._session = session
-        self._setup: FirstSetup | None = None
-        if config is not None:
-            # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.
-            from uavrt.computer import first_setup
-
-            self._setup = first_setup.FirstSetup(config)
+    def __init__(self, session: GroundSession, setup: "FirstSetup") -> None:
+        self._session, self._setup = session, setup
 
     def routes(self) -> list[Row]:
         """List the routes."""
-        if self._setup is None:
-            return [Row("/set-up", "GET", self.state)]
         return [
             Row("/set-up", "GET", self.state),
             Row("/set-up/finish", "POST", self.finish, commands=True),
@@ -49,7 +40,7 @@ class SetUpApi:
     async def state(self, request: Request) -> Any:
         """Whether the set-up is wanted; then what each step begins with, and choices."""
         setup = self._setup
-        if setup is None or not setup.wanted:
+        if not setup.wanted:
             return {"wanted": False}
         return {
             "wanted": True,
@@ -61,7 +52,6 @@ class SetUpApi:
     async def take(self, request: Request) -> Any:
         """Judge and write a step: 422 with ``faults: [{field, text}]``, or what it now is."""
         setup = self._setup
-        assert setup is not None
         body = await json_body(request)
         faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
         if faults:
@@ -71,7 +61,6 @@ class SetUpApi:
     async def test(self, request: Request) -> Any:
         """Try the radio, or the link to the autopilot, as they have been set."""
         setup = self._setup
-        assert setup is not None
 
         def findings() -> list[dict[str, Any]]:
             running = _running(setup.config)
@@ -82,7 +71,6 @@ class SetUpApi:
     async def finish(self, request: Request) -> Any:
         """End the set-up; the page's own settings follow."""
         setup = self._setup
-        assert setup is not None
         values = await asyncio.to_thread(setup.values)
         finished = await asyncio.to_thread(setup.finish)
         store = self._session.vehicle.store
@@ -93,10 +81,26 @@ class SetUpApi:
 
     async def command_key(self, request: Request) -> Any:
         """The drone's command key as a file, for a laptop that is to command."""
-        assert self._setup is not None
         key = await asyncio.to_thread(self._setup.command_key)
         attached = {"Content-Disposition": 'attachment; filename="command.key"'}
         return Response(key, media_type="text/plain", headers=attached)
+
+
+def set_up_rows(session: GroundSession, config: Path | None) -> list[Row]:
+    """List the routes of the set-up.
+
+    `config`: the drone side's settings on this computer; None: the page runs elsewhere.
+    """
+    if config is None:
+        return [Row("/set-up", "GET", _unwanted)]
+    # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.
+    from uavrt.computer import first_setup
+
+    return SetUpApi(session, first_setup.FirstSetup(config)).routes()
+
+
+async def _unwanted(_request: Request) -> Any:
+    return {"wanted": False}
 
 
 def _running(config: Path) -> SystemStatus | None:
