@@ -206,7 +206,7 @@ class Together:
     def _tell(self) -> None:
         self._tell_s = self.time_s + 1.0
         for one in self.drones:
-            for told in self.ways.told_to(one.number, self.time_s):
+            for told in self.ways.reports_for(one.number, self.time_s):
                 self._down(one, told)
 
     def _down(self, one: Among, told: Neighbour) -> None:

@@ -41,7 +41,11 @@ class Page:
         self._session = session
 
     def warnings(self) -> list[str]:
-        said = [line["text"] for line in self._session.log.lines() if line["severity"] <= 4]
+        said = [
+            line["text"]
+            for line in self._session.vehicle.feed.log.lines()
+            if line["severity"] <= 4
+        ]
         fault = self._session.snapshot()["flight"]["fault"]
         return said + ([] if fault is None else [fault])
 
@@ -69,17 +73,17 @@ def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
     flights = drone.directory / "flights"
 
     async def fly() -> None:
-        store, page = session.store, Page(session)
+        store, page = session.vehicle.store, Page(session)
         store.set_settings(
             store.settings.changed({"address": f"udpin://127.0.0.1:{drone.ground_port}"})
         )
         store.set_tags(thesis_scenario.tags)
         serving = asyncio.create_task(session.run())
-        await until(lambda: session.situation().drone_present, 30.0)
-        assert session.link is not None
-        await session.commands.send_tags_by(session.link)
-        await session.commands.start_by(session.link)
-        await until(lambda: session.flight.pulses >= 3, 60.0)
+        await until(lambda: session.vehicle.situation().drone_present, 30.0)
+        assert session.vehicle.connection.link is not None
+        await session.commands.send_tags_by(session.vehicle.connection.link)
+        await session.commands.start_by(session.vehicle.connection.link)
+        await until(lambda: session.vehicle.flight.keeper.pulses >= 3, 60.0)
         (flight,) = flights.glob("flight_log_*")
         await page.says("written again", (flight / "flight.sqlite").unlink)
         for number in (signal.SIGKILL, signal.SIGSTOP):
@@ -95,10 +99,10 @@ def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
         flight.unlink()
         flight.with_name("away").rename(flight)
         await asyncio.sleep(3.0)
-        own = session.store.directory / str(session.flight.flight_id)
+        own = session.vehicle.store.directory / str(session.vehicle.flight.keeper.flight_id)
         await page.says("written again", lambda: shutil.rmtree(own))
-        await session.link.stop_detection()
-        await until(lambda: session.state is SystemState.HAS_TAGS, 30.0)
+        await session.vehicle.connection.link.stop_detection()
+        await until(lambda: session.vehicle.drone.state is SystemState.HAS_TAGS, 30.0)
         received = {one.pulse.tag_id for one in read_flight(own).pulse_poses}
         assert received == {2}
         serving.cancel()
@@ -107,4 +111,4 @@ def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
     asyncio.run(fly())
     (flight,) = flights.glob("flight_log_*")
     recorded = read_flight(flight).pulse_poses
-    assert len(recorded) >= session.flight.pulses
+    assert len(recorded) >= session.vehicle.flight.keeper.pulses

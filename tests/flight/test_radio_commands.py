@@ -129,7 +129,7 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
             await link.stop_detection()  # repeated
 
     asyncio.run(main())
-    assert operator.link.refused == {}
+    assert operator.link.contact.refused == {}
 
 
 def check_capture(flights: Path, told: str) -> None:

@@ -360,7 +360,7 @@ class World:
         session = GroundSession(store, self.clock, **options)
         task = asyncio.create_task(session.run())
         try:
-            await until(lambda: session.situation().drone_present)
+            await until(lambda: session.vehicle.situation().drone_present)
             yield session
         finally:
             task.cancel()

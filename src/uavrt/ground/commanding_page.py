@@ -41,10 +41,7 @@ class Commander:
         self.page = page
 
     def check(self, page: str | None) -> None:
-        """Refuse what a page asks that only looks on.
-
-        Raises `CommandRefused`: another page commands, and is there.
-        """
+        """Refuse what a page asks that only looks on; raises `CommandRefused`."""
         if page is None or page == self.page:
             return
         if self.present is not None:

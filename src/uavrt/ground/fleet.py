@@ -13,12 +13,12 @@ from typing import Any
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError, UsageError
+from uavrt.ground.link.feed import StationNote
 from uavrt.ground.link.given_ways import GivenWays
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
 from uavrt.ground.link.protocol import GroundEvent
-from uavrt.ground.link.session_parts import StationNote
 from uavrt.ground.session import GroundSession
 from uavrt.ground.snapshots import vehicle_record
 from uavrt.ground.store.settings import GroundStore
@@ -86,16 +86,12 @@ class Fleet:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def serve(self, system_id: int) -> GroundSession:
-        """Serve a vehicle besides the others, on the same links.
-
-        Raises `UsageError`: it is served already, or there are too many.
-        Raises `ConfigError`: its directory cannot be written.
-        """
+        """Serve a further vehicle on the same links; raises `UsageError` or `ConfigError`."""
         if system_id in self._others:
             return self._others[system_id]
         if not 1 <= system_id <= 255:
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
-        if system_id == self.first.identity.system_id:
+        if system_id == self.first.vehicle.identity.system_id:
             raise UsageError(f"vehicle {system_id} is served by the first page")
         if len(self.sessions) >= MOST_VEHICLES:
             raise UsageError(f"more than {MOST_VEHICLES} vehicles are not served")
@@ -104,36 +100,33 @@ class Fleet:
             return self._others[system_id]
         session = self._session(store, self.first.my_place)
         self._others[system_id] = session
-        self.first.identity.excluded.add(system_id)
+        self.first.vehicle.identity.excluded.add(system_id)
         self._tasks[system_id] = asyncio.get_running_loop().create_task(session.run())
         self._store.set_further_vehicles(tuple(self._others))
-        self.first.note(5, f"vehicle {system_id} is served, too")
+        self.first.vehicle.feed.note(5, f"vehicle {system_id} is served, too")
         self._show()
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Serve a vehicle no more; its flight here ends, what it does goes on.
-
-        Raises `UsageError`: it is not served besides the first.
-        """
+        """Serve a further vehicle no more; its flight here ends, the drone continues."""
         if system_id not in self._others:
             raise UsageError(f"there is no further vehicle {system_id}")
-        self.first.identity.excluded.discard(system_id)
+        self.first.vehicle.identity.excluded.discard(system_id)
         task = self._tasks.pop(system_id)
         self._others.pop(system_id)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
         self._store.set_further_vehicles(tuple(self._others))
-        self.first.note(5, f"vehicle {system_id} is served no more")
+        self.first.vehicle.feed.note(5, f"vehicle {system_id} is served no more")
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
         """All vehicles, for a page that shows one of them."""
-        return [vehicle_record(one) for one in self.sessions]
+        return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _take_course(self, session: GroundSession, course: Course) -> None:
-        """Keep where a drone goes; what is news to others is told soon, all at once."""
-        number = session.identity.system_id
+        """Keep where a drone goes; report what is new to the others soon, all at once."""
+        number = session.vehicle.identity.system_id
         if number is None or not self._ways.take(number, course, monotonic_s()):
             return
         if not self._tell_due:
@@ -146,20 +139,21 @@ class Fleet:
             self._tell_ways()
 
     def _tell_ways(self) -> None:
-        """Tell each drone that flies by commands of the others; one alone is told nothing."""
+        """Report to each drone that flies by commands the others; nothing to one alone."""
         self._tell_due = False
-        numbers = {one.identity.system_id: one for one in self.sessions}
+        numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [
             number
             for number, one in numbers.items()
             if number is not None and one.flying.record() is not None
         ]
-        for number in self._ways.to_tell(flying):
+        for number in self._ways.recipients(flying):
             session = numbers.get(number)
-            if session is None or session.link is None:
+            link = None if session is None else session.vehicle.connection.link
+            if link is None:
                 continue
-            for told in self._ways.told_to(number, monotonic_s()):
-                session.link.tell_neighbour(told)
+            for neighbour in self._ways.reports_for(number, monotonic_s()):
+                link.send_neighbour(neighbour)
 
     def _session(self, store: GroundStore, my_place: MyPlace | None) -> GroundSession:
         return GroundSession(
@@ -180,4 +174,4 @@ class Fleet:
 
     def _show(self) -> None:
         for one in self.sessions:
-            one.send_state()
+            one.vehicle.feed.send_state()

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 QUEUE = 4000
-"""Records kept for a slow browser: 80 s at 50 records a second. Then it is told to reload."""
+"""Records kept for a slow browser: 80 s at 50 records a second. Then it must reload."""
 
 
 class Hub:

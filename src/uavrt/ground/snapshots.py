@@ -1,116 +1,83 @@
 """The ground station's state, ready for JSON."""
 
-from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Any
 
 import uavrt
 from uavrt.attitude import euler_deg
 from uavrt.config.tag_corrections import correction_of, shared_offset_ppm
-from uavrt.ground.commanding_page import Commander
-from uavrt.ground.fetch.downloads import Downloads
 from uavrt.ground.link.actions import action_states
-from uavrt.ground.link.flying import Flying
 from uavrt.ground.link.my_place import MyPlace
-from uavrt.ground.link.session_parts import HeldSession
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
-from uavrt.ground.store.estimates import Estimates
-from uavrt.ground.store.event_log import EventLog
-from uavrt.ground.store.tag_table import rows_from_tags, table_version
+from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.messages import Beep, Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 
-class ShownSession(HeldSession, Protocol):
-    """What is shown of a session besides; `uavrt.ground.session.GroundSession` has it."""
-
-    identity: VehicleIdentity
-    link_error: str | None
-    temperature_c: float | None
-    heard: dict[int, int]
-    commander: Commander
-    my_place: MyPlace
-    flying: Flying
-    downloads: Downloads
-    estimates: Estimates
-    log: EventLog
-
-    @property
-    def skew_ns(self) -> int | None:
-        """How far the drone's clock is behind ours; None before it is judged."""
-
-    @property
-    def companions(self) -> "Sequence[ShownSession]":
-        """Sessions of the other vehicles on the same links."""
-
-
-def snapshot(session: ShownSession) -> dict[str, Any]:
+def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
     """Everything that a page needs besides the flight's pulses."""
-    now_ns = session.clock.now_ns()
-    link, watch = session.link, session.vehicle
-    situation = session.situation()
+    now_ns = vehicle.clock.now_ns()
+    watch = vehicle.connection.watch
+    drone, keeper = vehicle.drone, vehicle.flight.keeper
+    situation = vehicle.situation()
     pose = watch.pose if watch else None
     return {
         "time_ns": now_ns,
         "version": uavrt.__version__,
         "connection": {
-            "address": session.store.settings.address,
-            "open": link is not None and link.link is not None,
-            "error": session.link_error,
+            "address": vehicle.store.settings.address,
+            "open": situation.link_open,
+            "error": vehicle.connection.error,
         },
         "drone": {
             "present": situation.drone_present,
-            "system_id": session.identity.system_id,
-            "unique_number": session.identity.uid,
-            "others": sorted(session.identity.others),
+            "system_id": vehicle.identity.system_id,
+            "unique_number": vehicle.identity.uid,
+            "others": sorted(vehicle.identity.others),
             "foreign": situation.foreign,
-            "state": session.state.value if session.state else None,
-            "cpu_temperature_c": session.temperature_c,
-            "directory": session.drone_directory or None,
+            "state": drone.state.value if drone.state else None,
+            "cpu_temperature_c": drone.temperature_c,
+            "directory": drone.directory or None,
             "clock_skew_s": None
-            if session.skew_ns is None
-            else session.skew_ns / NANOSECONDS_PER_SECOND,
+            if drone.skew_ns is None
+            else drone.skew_ns / NANOSECONDS_PER_SECOND,
         },
-        "link": link_state(session, now_ns),
+        "link": link_state(vehicle, now_ns),
         "vehicle": None if pose is None else pose_record(pose, now_ns),
         "home": None
         if watch is None or watch.home is None
         else {"latitude_deg": watch.home[0], "longitude_deg": watch.home[1]},
-        "me": my_place_record(session),
         "armed": watch.armed if watch else None,
         "battery_v": watch.battery_v if watch else None,
         "battery_percent": watch.battery_percent if watch else None,
         "flight": {
-            "flight_id": session.flight.flight_id,
-            "start_time_ns": session.flight.start_time_ns,
-            "ended": session.flight.ended,
-            "pulses": session.flight.pulses,
-            "fault": session.flight.fault,
+            "flight_id": keeper.flight_id,
+            "start_time_ns": keeper.start_time_ns,
+            "ended": keeper.ended,
+            "pulses": keeper.pulses,
+            "fault": keeper.queue.fault,
         },
-        "tags_sent": bool(session.sent_tags) and session.sent_tags == session.store.chosen_tags,
+        "tags_sent": bool(drone.sent_tags) and drone.sent_tags == vehicle.store.chosen_tags,
         "detectors": {
             str(tag_id): (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
-            for tag_id, heard_ns in session.heard.items()
+            for tag_id, heard_ns in drone.heard.items()
         },
-        "beeps": [beep_record(session, beep) for beep in session.beeps],
+        "beeps": [beep_record(vehicle, beep) for beep in drone.beeps],
         "corrections": [
-            {"tag_id": one.tag_id, "text": str(one)} for one in session.store.corrections_listed
+            {"tag_id": one.tag_id, "text": str(one)} for one in vehicle.store.corrections_listed
         ],
-        "common_ppm": shared_offset_ppm(session.beeps),
-        "commander": session.commander.present,
-        "marks": [asdict(mark) for mark in session.marks],
-        "motion": session.flying.record(),
-        "fleet": [vehicle_record(one) for one in all_vehicles(session)],
-        "busy": None if session.busy is None else asdict(session.busy),
+        "common_ppm": shared_offset_ppm(drone.beeps),
+        "marks": [asdict(mark) for mark in vehicle.flight.marks],
+        "fleet": [vehicle_record(one) for one in all_vehicles(vehicle)],
+        "busy": None if vehicle.busy is None else asdict(vehicle.busy),
         "actions": action_states(situation),
     }
 
 
-def beep_record(session: ShownSession, beep: Beep) -> dict[str, Any]:
+def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
     """What beeps, in words, and which listed tags it can correct."""
     found = (
-        correction_of(tag, beep, 0, session.beeps)
-        for tag in session.store.tags
+        correction_of(tag, beep, 0, vehicle.drone.beeps)
+        for tag in vehicle.store.tags
         if tag.tag_id in beep.tag_ids
     )
     corrects = [{"tag_id": one.tag_id, "what": one.what} for one in found if one is not None]
@@ -118,33 +85,32 @@ def beep_record(session: ShownSession, beep: Beep) -> dict[str, Any]:
     return asdict(beep) | words
 
 
-def all_vehicles(session: ShownSession) -> "list[ShownSession]":
-    """The sessions of all vehicles, the first first; none where there is but one."""
-    if not session.companions:
+def all_vehicles(vehicle: ServedVehicle) -> list[ServedVehicle]:
+    """All vehicles, the first first; none where there is but one."""
+    if not vehicle.companions:
         return []
-    return sorted([session, *session.companions], key=lambda one: one.store.system_id or 0)
+    return sorted([vehicle, *vehicle.companions], key=lambda one: one.store.system_id or 0)
 
 
-def vehicle_record(session: ShownSession) -> dict[str, Any]:
+def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
     """One vehicle of several, for the pages of all."""
-    now_ns = session.clock.now_ns()
-    watch, number = session.vehicle, session.store.system_id
+    now_ns = vehicle.clock.now_ns()
+    watch, number = vehicle.connection.watch, vehicle.store.system_id
     pose = watch.pose if watch else None
-    situation = session.situation()
+    situation = vehicle.situation()
     return {
-        "system_id": session.identity.system_id,
-        "name": session.store.settings.vehicle_name,
+        "system_id": vehicle.identity.system_id,
+        "name": vehicle.store.settings.vehicle_name,
         "page": "/" if number is None else f"/vehicle/{number}/",
         "present": situation.drone_present,
-        "state": session.state.value if session.state else None,
+        "state": situation.state.value if situation.state else None,
         "pose": None if pose is None else pose_record(pose, now_ns),
-        "pulses": session.flight.pulses,
+        "pulses": vehicle.flight.keeper.pulses,
     }
 
 
-def my_place_record(session: ShownSession) -> dict[str, Any] | None:
+def my_place_record(mine: MyPlace) -> dict[str, Any] | None:
     """Where this computer is by its GPS receiver; None where it has none."""
-    mine = session.my_place
     if not mine.address:
         return None
     place = mine.place
@@ -157,22 +123,9 @@ def my_place_record(session: ShownSession) -> dict[str, Any] | None:
     }
 
 
-def hello(session: ShownSession) -> dict[str, Any]:
-    """The whole present state, for a listener that has just come."""
-    return {
-        "state": snapshot(session),
-        "tags": rows_from_tags(session.store.tags),
-        "tags_version": table_version(session.store.tags),
-        "settings": asdict(session.store.settings),
-        **session.estimates.record(),
-        "log": session.log.lines(),
-        "download": session.downloads.record(),
-    }
-
-
-def link_state(session: ShownSession, now_ns: int) -> dict[str, Any]:
+def link_state(vehicle: ServedVehicle, now_ns: int) -> dict[str, Any]:
     """Loss, round trip, radio and counters of the link."""
-    link, watch = session.link, session.vehicle
+    link, watch = vehicle.connection.link, vehicle.connection.watch
     if link is None or link.link is None or watch is None:
         return {"loss": None, "round_trip_s": None, "radio": None, "counters": {}}
     return {

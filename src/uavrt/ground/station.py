@@ -18,10 +18,11 @@ from uavrt.commands import SystemState
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.feed import StationNote
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.protocol import Acknowledged, DroneHeartbeat, GroundEvent
-from uavrt.ground.link.session_parts import StationNote
-from uavrt.ground.session import ESSENTIAL, GroundSession
+from uavrt.ground.link.served_vehicle import ESSENTIAL, ServedVehicle
+from uavrt.ground.session import GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.stored import PULSES_NAME, PulseLines
 from uavrt.messages import BurstInside, PulsePose, SearchReport, StatusText, Tag
@@ -91,12 +92,7 @@ class Station:
         self._stopping.set()
 
     async def run(self) -> None:
-        """Serve until `stop`.
-
-        Raises `LinkError`: the link cannot be opened.
-        Raises `CommandRefused`: the drone refused the tags or the start.
-        Raises `RecordingError`: the pulses cannot be stored.
-        """
+        """Serve until `stop`; raises `LinkError`, `CommandRefused` or `RecordingError`."""
         directory = self._settings.directory
         self._lines = PulseLines(directory / PULSES_NAME)
         try:
@@ -141,9 +137,10 @@ class Station:
 
     async def _link_opened(self) -> None:
         """Wait for the link that was asked for by name; without it the station is no use."""
-        while self.session.link is None:
-            if self.session.link_error is not None:
-                raise LinkError(self.session.link_error)
+        connection = self.session.vehicle.connection
+        while connection.link is None:
+            if connection.error is not None:
+                raise LinkError(connection.error)
             await asyncio.sleep(0.02)
 
     async def _begin(self, session: GroundSession) -> None:
@@ -151,12 +148,12 @@ class Station:
         said = ""
         while not self._stopping.is_set():
             try:
-                if (link := session.link) is not None:
+                if (link := session.vehicle.connection.link) is not None:
                     drone = await link.wait_for_drone(START_RETRY_S)
-                    refuse_two_vehicles(session)
+                    refuse_two_vehicles(session.vehicle)
                     self._show({"event": "drone", "system": drone.system_id})
                     if await self._upload(session, link) and self._settings.start:
-                        refuse_two_vehicles(session)
+                        refuse_two_vehicles(session.vehicle)
                         # Not by the state, which is as old as the last heartbeat.
                         directory = await session.commands.start_by(link)
                         self._started.add(session)
@@ -174,7 +171,7 @@ class Station:
         A station that was restarted finds its own tags searched: it goes on as the one that
         started them. Others' it listens to, and leaves alone.
         """
-        tags = session.store.chosen_tags
+        tags = session.vehicle.store.chosen_tags
         try:
             await session.commands.send_tags_by(link)
         except CommandRefused as error:
@@ -184,8 +181,8 @@ class Station:
             if searched == tag_list_digest(tags):
                 if self._settings.start:
                     self._started.add(session)
-                session.sent_tags = tags
-                link.protocol.tags = {tag.tag_id: tag for tag in tags}
+                session.vehicle.drone.set_tags(tags)
+                link.protocol.set_tags(tags)
                 self._show({"event": "already detecting", "tags": [t.tag_id for t in tags]})
             else:
                 self._show({"event": "others detected", "reason": str(error)})
@@ -196,8 +193,8 @@ class Station:
     async def _end(self, session: GroundSession) -> None:
         """Stop detection; wait until the drone has stopped and no pulse comes any more."""
         try:
-            if session.link is not None:
-                await session.link.stop_detection()
+            if (link := session.vehicle.connection.link) is not None:
+                await link.stop_detection()
         except (LinkError, CommandRefused) as error:
             self._show({"event": "stop failed", "reason": str(error)})
             return
@@ -206,11 +203,11 @@ class Station:
         # The state on the way when the command arrived may still say "has tags".
         await asyncio.sleep(QUIET_S)
         while monotonic_s() < deadline_s:
-            quiet = monotonic_s() - session.last_pulse_s > QUIET_S
-            if session.state not in ESSENTIAL and quiet:
+            quiet = monotonic_s() - session.vehicle.drone.last_pulse_s > QUIET_S
+            if session.vehicle.drone.state not in ESSENTIAL and quiet:
                 break
             await asyncio.sleep(0.1)
-        self._show({"event": "stopped", "pulses": session.flight.pulses})
+        self._show({"event": "stopped", "pulses": session.vehicle.flight.keeper.pulses})
 
     def _list(self, item: PulsePose | BurstInside) -> None:
         """Write a line of what a flight has; in the disk thread."""
@@ -248,11 +245,11 @@ class Station:
                 )
 
 
-def refuse_two_vehicles(session: GroundSession) -> None:
+def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
     """Raise `LinkError` while two vehicles answer under one number: orders would reach both."""
-    if session.identity.foreign(session.clock.now_ns()):
+    if vehicle.identity.foreign(vehicle.clock.now_ns()):
         raise LinkError(
-            f"two vehicles answer under number {session.identity.system_id}",
+            f"two vehicles answer under number {vehicle.identity.system_id}",
             remedy="Give each vehicle a number of its own (MAV_SYS_ID)",
         )
 

@@ -508,8 +508,8 @@ class FlightOfDrones:
         if len(self.drones) > 1 and (news or time_s >= self._told_s + COURSE_S):
             self._told_s = time_s
             for one in self.drones:
-                for told in self._ways.told_to(one.number + 1, time_s):
-                    one.shared.take(told, time_s)
+                for report in self._ways.reports_for(one.number + 1, time_s):
+                    one.shared.take(report, time_s)
 
     def _pass_second(self) -> None:
         self.second += 1

@@ -55,10 +55,10 @@ async def test_the_link_goes_on_while_a_write_does_not_return(
             loop.turn()
 
     async with world.flying(), world.session() as session:
-        flying, link = session.flying, some(session.link)
+        flying, link = session.flying, some(session.vehicle.connection.link)
         await link.upload_tags(world.tags)
         await link.start_detection()
-        await until(lambda: session.flight.pulses)
+        await until(lambda: session.vehicle.flight.keeper.pulses)
         await until(lambda: flying.record() is not None)
         await asyncio.sleep(5.0)  # by then the drone knows its autopilot
         loop, machine = Pace(), Pace()
@@ -66,7 +66,7 @@ async def test_the_link_goes_on_while_a_write_does_not_return(
         watching = asyncio.create_task(watch_loop(loop))
         hangs = True
         await until(hung.is_set)
-        begun_s, pulses = time.monotonic(), session.flight.pulses
+        begun_s, pulses = time.monotonic(), session.vehicle.flight.keeper.pulses
         offer = await flying.ask({"action": "rotate", "duration_s": 60, "height_m": 45}, None)
         await flying.confirm({"order_id": offer["order_id"], "sticks_unseen": True}, None)
         await until(lambda: world.vehicle_report.standing == "in command")
@@ -76,13 +76,13 @@ async def test_the_link_goes_on_while_a_write_does_not_return(
         await until(lambda: abs((world.flown.yaw_deg - yaw_deg) % 360.0) > 10.0)
         await flying.stop()
         await until(lambda: world.vehicle_report.standing == "out")
-        await until(lambda: session.flight.pulses > pulses + 3)
-        taken, durable = session.flight.progress
+        await until(lambda: session.vehicle.flight.keeper.pulses > pulses + 3)
+        taken, durable = session.vehicle.flight.keeper.queue.progress
         assert durable <= pulses < taken
         watching.cancel()
         over.set()
         go.set()
-        await until(lambda: session.flight.stored)
+        await until(lambda: session.vehicle.flight.keeper.queue.stored)
         assert session.snapshot()["flight"]["fault"] is None
     # Both wait for the same busy processor; the loop waits for nothing else.
     print(f"longest stop: loop {loop.longest_s:.3f} s, machine {machine.longest_s:.3f} s")

@@ -324,7 +324,7 @@ def test_tags_can_be_left_at_home_without_deleting_them(served: Any) -> None:
     served.ask("PUT", "/api/tags", [TAG, TAG | {"id": 4}])
     assert served.ask("PUT", "/api/settings", {"left_out": [4]}).status == 200
     assert served.ask("PUT", "/api/settings", {"left_out": ["4"]}).status == 422
-    store = served.station.session.store
+    store = served.station.session.vehicle.store
     assert [tag.tag_id for tag in store.chosen_tags] == [2]
     assert len(store.tags) == 2
 
@@ -370,7 +370,7 @@ def test_who_flew_what_is_told_on_the_page_and_stands_in_its_reports(served: Any
     told = {"operator": " A. <Ranger> ", "time_zone": "Europe/Zurich"}
     assert served.ask("PUT", "/api/facts", told).json["operator"] == "A. <Ranger>"
     assert served.ask("PUT", "/api/facts", {"species": "Lynx lynx"}).status == 200
-    facts = facts_of(served.station.session.store.directory / "flight_log_x")
+    facts = facts_of(served.station.session.vehicle.store.directory / "flight_log_x")
     assert facts == Facts(
         operator="A. <Ranger>", time_zone="Europe/Zurich", species="Lynx lynx"
     )

@@ -121,7 +121,7 @@ def of_drone(directory: Path) -> Flown:
 
 
 def _kept(keeper: FlightKeeper, directory: Path) -> Flown:
-    keeper.commit()
+    keeper.queue.commit()
     columns = keeper.columns()
     keeper.close()
     return Flown(path=directory / some(keeper.flight_id), columns=columns)

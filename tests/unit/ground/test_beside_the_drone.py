@@ -48,10 +48,10 @@ def receive(directory: Path, address: str = LOOPBACK, vehicle: int | None = None
         store = GroundStore(directory, vehicle)
         store.set_settings(store.settings.changed({"address": address}))
         session = GroundSession(store, Clock.start())
-        session.begin_flight()
-        session.flight.close()
-        assert session.flight.flight_id is not None
-        return session.flight.flight_id
+        session.vehicle.begin_flight()
+        session.vehicle.flight.keeper.close()
+        assert session.vehicle.flight.keeper.flight_id is not None
+        return session.vehicle.flight.keeper.flight_id
 
     return directory / asyncio.run(begin())
 

@@ -25,7 +25,8 @@ from uavrt.analysis.survey import read_survey
 from uavrt.clock import Clock, iso_utc
 from uavrt.errors import UsageError
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
-from uavrt.ground.store.flight_keeper import RETRY_S, FlightKeeper
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_queue import RETRY_S
 from uavrt.ground.store.flights import Columns, FlightLibrary
 from uavrt.ground.store.settings import GroundSettings
 from uavrt.ground.web import maps
@@ -103,7 +104,7 @@ def keeper_fixture(tmp_path: Path) -> Iterator[FlightKeeper]:
 @pytest.fixture(name="flown")
 def flown_fixture(keeper: FlightKeeper, tmp_path: Path) -> tuple[FlightLibrary, str]:
     fly(keeper)
-    keeper.commit()
+    keeper.queue.commit()
     return FlightLibrary(tmp_path), some(keeper.flight_id)
 
 
@@ -181,7 +182,7 @@ def test_the_drone_says_the_same_of_a_flight_as_the_report(
 ) -> None:
     """Four turns that teach the antenna, with pulses that were missed."""
     fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
-    keeper.commit()
+    keeper.queue.commit()
     place = FlightLibrary(tmp_path).path(some(keeper.flight_id))
     survey, drone = read_survey(place), live_bearings_of(read_flight(place))
     assert len(survey.bearings) == len(drone) == 4
@@ -225,7 +226,7 @@ def test_page_report_and_command_line_tell_the_same_over_hills(
         survey_lines(keeper)
     else:
         fly(keeper)
-    keeper.commit()
+    keeper.queue.commit()
     library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
     place, tags = library.path(flight_id), library.summary(flight_id).tags
     north_west = math.floor(PLANE.latitude_deg), math.floor(PLANE.longitude_deg)
@@ -257,7 +258,7 @@ def test_page_report_and_command_line_trust_headings_and_heights_alike(
         survey_lines(keeper)
     else:
         fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
-    keeper.commit()
+    keeper.queue.commit()
     library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
     place, tags = library.path(flight_id), library.summary(flight_id).tags
     columns, estimator = library.columns(flight_id), Estimator()
@@ -320,7 +321,7 @@ def test_every_export_is_well_formed_and_holds_the_flight(
 ) -> None:
     library, flight_id = flown
     keeper.add_note(mark_note(46.501, 8.001, "nest & eggs"), START_NS)
-    keeper.commit()
+    keeper.queue.commit()
     columns = library.columns(flight_id)
     place = library.path(flight_id)
     content = export(name, place, AntennaChoice())
@@ -384,7 +385,7 @@ def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table
     pulse = replace(other.pulse, also_possible_tag_ids=(4, 6), ghost_of_tag_id=8, clipped=True)
     keeper.add_pulse(plain)
     keeper.add_pulse(replace(other, pulse=pulse))
-    keeper.commit()
+    keeper.queue.commit()
     library, name = FlightLibrary(tmp_path), some(keeper.flight_id)
     certain, doubtful = library.records(name, 0, 10)
     assert [certain[key] for key in doubts] == [[], None, False]
@@ -413,17 +414,17 @@ def test_a_full_disk_is_told_and_mended(
     keeper: FlightKeeper, clock_of_test: VirtualClock, tmp_path: Path
 ) -> None:
     directory = tmp_path / (keeper.flight_id or "")
-    keeper.commit()
+    keeper.queue.commit()
     with sqlite3.connect(directory / "flight.sqlite") as other:
         other.execute("BEGIN EXCLUSIVE")
         keeper.add_pulse(pulse_at(pose_at(1.0, 0.0, 0.0), 20.0))
-        keeper.commit()
-        assert "cannot write" in some(keeper.fault)
+        keeper.queue.commit()
+        assert "cannot write" in some(keeper.queue.fault)
         other.rollback()
     other.close()
     clock_of_test.now_s += RETRY_S
-    keeper.commit()
-    assert keeper.fault is None
+    keeper.queue.commit()
+    assert keeper.queue.fault is None
     assert len(read_flight(directory).pulse_poses) == 1
 
 
@@ -472,7 +473,7 @@ def test_a_drone_that_was_carried_after_its_landing_has_no_live_turn(
     keeper.add_state(START_NS + 80 * 10**9, armed=False, landed=True)
     (live,) = estimates(keeper.columns()).bearings
     assert live["start_time_ns"] == both.bearings[0]["start_time_ns"]
-    keeper.commit()
+    keeper.queue.commit()
     assert keeper.flight_id is not None
     library = FlightLibrary(tmp_path)
     assert estimates(library.columns(keeper.flight_id)).bearings == [live]
@@ -529,7 +530,7 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
         columns = keeper.columns()
         keeper.close()
     alone, last = found
-    both = Estimator().estimate(columns, AntennaChoice(), beside=[alone])
+    both = Estimator().estimate(columns, AntennaChoice(), companions=[alone])
     (together,) = both.positions
     assert together["stations"] == 2
     assert together["radius95_m"] < 0.5 * min(
@@ -541,16 +542,20 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
     assert both.outline == last.outline != alone.outline
     other_hz = {TAG.tag_id: TAG.frequency_hz + 50e3}
     elsewhere = replace(alone, found=replace(alone.found, frequencies_hz=other_hz))
-    apart = Estimator().estimate(columns, AntennaChoice(), beside=[elsewhere])
+    apart = Estimator().estimate(columns, AntennaChoice(), companions=[elsewhere])
     assert apart.positions == last.positions  # the same number there is another animal's
     unheard = replace(columns, pulses=columns.pulses[:, :0])
     (by_the_other,) = (
-        Estimator().estimate(unheard, AntennaChoice(), beside=[alone], listed=[TAG]).positions
+        Estimator()
+        .estimate(unheard, AntennaChoice(), companions=[alone], listed=[TAG])
+        .positions
     )
     assert by_the_other["stations"] == 1
     other = replace(TAG, frequency_hz=TAG.frequency_hz + 50e3)
     assert (
-        Estimator().estimate(unheard, AntennaChoice(), beside=[alone], listed=[other]).positions
+        Estimator()
+        .estimate(unheard, AntennaChoice(), companions=[alone], listed=[other])
+        .positions
         == []
     )
 
@@ -593,7 +598,7 @@ def test_home_and_marks_come_back_from_the_flights_notes(
         "mark at the river",
     ):
         keeper.add_note(note, START_NS)
-    keeper.commit()
+    keeper.queue.commit()
     found = library.places(keeper.flight_id)
     assert found.home == (-35.17824, -111.656587)
     assert [(one.latitude_deg, one.longitude_deg, one.text) for one in found.marks] == [

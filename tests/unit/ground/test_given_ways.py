@@ -28,20 +28,20 @@ def asks(number: int, sequence: int, *given: tuple[int, int]) -> Course:
 
 
 def verdict(ways: GivenWays, vehicle: int) -> tuple[int, int]:
-    told = ways.told_to(vehicle, 10.0)[0]
+    told = ways.reports_for(vehicle, 10.0)[0]
     return told.granted, told.denied
 
 
 def test_a_way_is_given_to_who_knew_all_others(ways: GivenWays) -> None:
     assert ways.take(1, asks(7, 2, (2, 1)), 10.0)
     assert verdict(ways, 1) == (7, 0)
-    (told,) = ways.told_to(2, 11.0)
+    (told,) = ways.reports_for(2, 11.0)
     assert (told.vehicle, told.version, told.age_s) == (1, 2, 1.0)
     assert told.course is not None
     assert (told.course.goal, told.course.asked_way) == (PLACE, WAY)
     # It flies it now: what it owned before is free.
     assert not ways.take(1, replace(STANDS, sequence=3, flown=7, goal=GOAL), 11.0)
-    (told,) = ways.told_to(2, 11.0)
+    (told,) = ways.reports_for(2, 11.0)
     assert told.course is not None
     assert (told.version, told.course.goal, told.course.asked_way) == (2, GOAL, ())
 
@@ -58,7 +58,7 @@ def test_a_way_is_given_to_who_knew_all_others(ways: GivenWays) -> None:
 def test_a_way_is_not_given_to_who_knew_less(ways: GivenWays, asked: Course) -> None:
     assert ways.take(1, asked, 10.0)
     assert verdict(ways, 1) == (0, 7)
-    assert ways.told_to(2, 10.0)[0].version == 1
+    assert ways.reports_for(2, 10.0)[0].version == 1
 
 
 def test_of_two_that_ask_at_once_one_gets_its_way(ways: GivenWays) -> None:
@@ -75,7 +75,7 @@ def test_who_gives_up_a_way_frees_it_and_late_words_change_nothing(ways: GivenWa
     ways.take(1, replace(STANDS, sequence=3), 11.0)
     for late in (asked, replace(STANDS, sequence=1, goal=GOAL)):
         assert not ways.take(1, late, 12.0)
-    (told,) = ways.told_to(2, 12.0)
+    (told,) = ways.reports_for(2, 12.0)
     assert told.course is not None
     assert (told.course.goal, told.course.asked_way) == (PLACE, ())
 
@@ -100,7 +100,7 @@ def test_nothing_is_given_before_all_can_have_spoken() -> None:
 def test_a_drone_that_begins_to_count_anew_is_heard(ways: GivenWays) -> None:
     ways.take(1, replace(STANDS, sequence=40_000), 5.0)
     ways.take(1, replace(STANDS, sequence=3), 6.0)
-    assert ways.told_to(2, 6.0)[0].age_s == 0.0
+    assert ways.reports_for(2, 6.0)[0].age_s == 0.0
 
 
 @given(st.lists(st.tuples(st.integers(1, 3), st.booleans(), st.booleans()), max_size=40))
@@ -116,10 +116,10 @@ def test_every_way_that_is_given_was_chosen_with_all_the_others(
     sequence, number_asked = 1, 0
     for vehicle, learns, flies in turns:
         if learns:
-            told = ways.told_to(vehicle, 10.0)
+            told = ways.reports_for(vehicle, 10.0)
             known[vehicle] = {one.vehicle: one.version for one in told}
         sequence, number_asked = sequence + 1, number_asked + 1
-        versions = {one.vehicle: one.version for one in ways.told_to(vehicle, 10.0)}
+        versions = {one.vehicle: one.version for one in ways.reports_for(vehicle, 10.0)}
         ways.take(vehicle, asks(number_asked, sequence, *known[vehicle].items()), 10.0)
         given_way = verdict(ways, vehicle)[0] == number_asked
         assert given_way == (known[vehicle] == versions)
@@ -131,15 +131,15 @@ def test_every_way_that_is_given_was_chosen_with_all_the_others(
 def test_who_has_spoken_is_told_also_when_the_other_has_landed_or_is_silent() -> None:
     """Else it waits for each way for good: it knows of the other as long as it searches."""
     ways = GivenWays()
-    assert ways.to_tell([1]) == set()
-    assert ways.to_tell([1, 2]) == {1, 2}
+    assert ways.recipients([1]) == set()
+    assert ways.recipients([1, 2]) == {1, 2}
     ways.take(1, STANDS, 0.0)
-    assert ways.to_tell([1]) == set()
+    assert ways.recipients([1]) == set()
     ways.take(1, asks(3, 2, (2, 1)), 0.0)  # it knows of another: the station began anew
-    assert ways.to_tell([]) == {1}
+    assert ways.recipients([]) == {1}
     ways.take(2, STANDS, 0.0)
-    assert ways.to_tell([]) == {1, 2}
+    assert ways.recipients([]) == {1, 2}
     # The second has landed and is off: the first still gets a way.
     ways.take(1, asks(7, 3, (2, 1)), 10.0)
-    assert 1 in ways.to_tell([1])
+    assert 1 in ways.recipients([1])
     assert verdict(ways, 1) == (7, 0)

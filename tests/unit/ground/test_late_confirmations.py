@@ -34,9 +34,9 @@ async def test_what_waited_for_another_command_is_not_sent(
     hands = Hands()
     link = GroundLink(hands.now_ns, ack_wait_s=0.01)
     monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
-    monkeypatch.setattr(link, "send", hands.sent.append)
+    monkeypatch.setattr(link._ways, "send", hands.sent.append)
     payload = encode_confirmation(MotionConfirmation(request_id=3, order_id=5, nonce=7))
-    async with link._busy:
+    async with link._exchange._busy:
         waiting = asyncio.create_task(link.motion(payload, 3))
         await asyncio.sleep(0)
         hands.time_ns += waited_ns
@@ -51,11 +51,11 @@ async def test_an_unsent_confirmation_is_reported_although_the_stop_is_not_answe
     hands = Hands()
     link = GroundLink(hands.now_ns, ack_wait_s=0.01)
     monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
-    monkeypatch.setattr(link, "send", hands.sent.append)
+    monkeypatch.setattr(link._ways, "send", hands.sent.append)
     offer = MotionState(
         kind="offer", standing="out", text="", request_id=3, order_id=5, nonce=7
     )
-    async with link._busy:
+    async with link._exchange._busy:
         waiting = asyncio.create_task(confirm(link, offer, sticks_unseen=False))
         await asyncio.sleep(0)
         hands.time_ns += 2 * SECOND_NS
@@ -70,12 +70,10 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     heard: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hands = Hands()
-    session: Any = SimpleNamespace(
+    vehicle: Any = SimpleNamespace(
         clock=hands,
-        note=lambda *what: None,
-        send_state=lambda: None,
-        vehicle=None,
-        link=object(),
+        feed=SimpleNamespace(note=lambda *what: None, send_state=lambda: None),
+        connection=SimpleNamespace(watch=None, link=object()),
         situation=lambda: SimpleNamespace(drone_present=True),
     )
     state = MotionState(kind="offer", standing="out", text="hold", order_id=5, nonce=7)
@@ -90,7 +88,7 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     monkeypatch.setattr(flying, "ask", offer)
     monkeypatch.setattr(flying, "confirm", confirm)
     wish = {"order_id": 5, "sticks_unseen": True}
-    page = Flying(session)
+    page = Flying(vehicle)
     if heard:
         page.take(MotionState(kind="state", standing="out", text="x"))
     await page.ask({"action": "hold"}, "page")

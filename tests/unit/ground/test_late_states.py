@@ -11,27 +11,27 @@ from uavrt.messages import SystemState
 
 def hear(session: GroundSession, *states: SystemState) -> None:
     for state in states:
-        session._take(DroneHeartbeat(state=state, cpu_temperature_c=None))
+        session.reception.take(DroneHeartbeat(state=state, cpu_temperature_c=None))
 
 
 async def test_states_of_before_a_start_end_no_flight(tmp_path: Path) -> None:
     session = GroundSession(GroundStore(tmp_path), Clock.start())
-    session.begin_flight()
-    begun = session.flight.flight_id
+    session.vehicle.begin_flight()
+    begun = session.vehicle.flight.keeper.flight_id
     hear(session, SystemState.IDLE, SystemState.RECEIVING_TAGS, SystemState.HAS_TAGS)
-    assert not session.flight.ended
+    assert not session.vehicle.flight.keeper.ended
     hear(session, SystemState.DETECTING)
-    assert session.flight.flight_id == begun
+    assert session.vehicle.flight.keeper.flight_id == begun
     hear(session, SystemState.HAS_TAGS)
-    assert session.flight.ended
+    assert session.vehicle.flight.keeper.ended
 
 
 async def test_a_resumed_flight_ends_by_the_first_state_of_an_idle_drone(
     tmp_path: Path,
 ) -> None:
-    GroundSession(GroundStore(tmp_path), Clock.start()).begin_flight()
+    GroundSession(GroundStore(tmp_path), Clock.start()).vehicle.begin_flight()
     session = GroundSession(GroundStore(tmp_path), Clock.start())
-    await session._resume()
-    assert not session.flight.ended
+    await session.vehicle.resume(session.library)
+    assert not session.vehicle.flight.keeper.ended
     hear(session, SystemState.IDLE)
-    assert session.flight.ended
+    assert session.vehicle.flight.keeper.ended

@@ -137,7 +137,7 @@ IN_GROUND = [
 ]
 ASKED_OF = [
     *IN_GROUND,
-    *("uavrt.ground.session", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
+    *("uavrt.ground.estimate_loop", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
     *("uavrt.analysis.coverage", "uavrt.analysis.flight_coverage"),
     *("uavrt.analysis.fold_pictures", "uavrt.analysis.map_files"),
     *("uavrt.analysis.facts", "uavrt.analysis.season", "uavrt.analysis.silence"),

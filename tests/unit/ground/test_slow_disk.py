@@ -12,7 +12,8 @@ from some import some
 from sql import sql
 
 from uavrt.clock import Clock
-from uavrt.ground.session import ENDS_WITHIN_S, GroundSession
+from uavrt.ground.link.current_flight import ENDS_WITHIN_S
+from uavrt.ground.session import GroundSession
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.messages import Delivered, PulsePose
 from uavrt.recording.disk_thread import DiskThread
@@ -50,19 +51,23 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> LateDisk:
 
 
 def stored(session: GroundSession) -> int:
-    place = session.store.directory / some(session.flight.flight_id) / "flight.sqlite"
+    place = (
+        session.vehicle.store.directory
+        / some(session.vehicle.flight.keeper.flight_id)
+        / "flight.sqlite"
+    )
     return int(sql(place, "SELECT count(*) FROM pulses")[0][0])
 
 
 def acknowledged(session: GroundSession) -> int:
-    return len(some(some(session.link).protocol.receipts)._known)
+    return len(some(some(session.vehicle.connection.link).protocol.receipts)._known)
 
 
 async def begun(world: World, session: GroundSession) -> None:
     """Detect, with one pulse stored and acknowledged."""
-    session.store.set_tags((THESIS_TAG,))
-    await session.commands.send_tags_by(some(session.link))
-    await session.commands.start_by(some(session.link))
+    session.vehicle.store.set_tags((THESIS_TAG,))
+    await session.commands.send_tags_by(some(session.vehicle.connection.link))
+    await session.commands.start_by(some(session.vehicle.connection.link))
     world.find_pulse(0)
     await until(lambda: acknowledged(session) == 1)
 
@@ -81,13 +86,15 @@ async def test_a_disk_that_takes_5_s_delays_receipts_and_nothing_else(
             assert acknowledged(session) <= stored(session), "not before it is stored"
             if session.snapshot()["flight"]["fault"] is not None:
                 said_s = min(said_s, loop.time() - begun_s)
-            assert session.situation().drone_present
+            assert session.vehicle.situation().drone_present
         assert said_s < SAID_WITHIN_S
         assert "s to write" in some(session.snapshot()["flight"]["fault"])
-        assert session.flight.pulses > stored(session) + 10, "shown before they are stored"
+        assert session.vehicle.flight.keeper.pulses > stored(session) + 10, (
+            "shown before they are stored"
+        )
         assert acknowledged(session) > 1, "later pulses do not hold earlier ones up"
         asked_s = loop.time()
-        await some(session.link).stop_detection()
+        await some(session.vehicle.connection.link).stop_detection()
         assert loop.time() - asked_s < 0.5
         await until(lambda: acknowledged(session) == 101, 60.0)
         disk.late_s = 0.0
@@ -106,11 +113,11 @@ async def test_a_disk_that_never_answers_leaves_the_pulses_with_the_drone(
             for number in range(1, 31):
                 world.find_pulse(number)
                 await asyncio.sleep(0.05)
-            await until(lambda: session.flight.pulses == 31)
-            await session.connect()
-            await until(lambda: session.situation().drone_present)
+            await until(lambda: session.vehicle.flight.keeper.pulses == 31)
+            await session.vehicle.connect()
+            await until(lambda: session.vehicle.situation().drone_present)
             asked_s = loop.time()
-            await some(session.link).stop_detection()
+            await some(session.vehicle.connection.link).stop_detection()
             assert loop.time() - asked_s < 0.5
             await asyncio.sleep(SAID_WITHIN_S)
             assert "30 pulses wait" in some(session.snapshot()["flight"]["fault"])
@@ -137,17 +144,17 @@ def test_what_was_taken_while_a_write_goes_on_is_not_durable_with_it(tmp_path: P
     flight_id = keeper.begin(())
     for count, pulse in enumerate(pulses, start=1):
         keeper.add_pulse(pulse)
-        assert keeper.progress == (count, 0)
+        assert keeper.queue.progress == (count, 0)
         if count == 2:
             jobs.pop(0)()  # the flight is there; both pulses were taken later
-            keeper.commit()
-    assert keeper.progress == (5, 0)
+            keeper.queue.commit()
+    assert keeper.queue.progress == (5, 0)
     jobs.pop(0)()
-    assert keeper.progress == (5, 2)
+    assert keeper.queue.progress == (5, 2)
     keeper.close()
     while jobs:
         jobs.pop(0)()
-    assert keeper.stored
+    assert keeper.queue.stored
     assert [one.pulse.key for one in read_flight(tmp_path / flight_id).pulse_poses] == [
         one.pulse.key for one in pulses
     ]

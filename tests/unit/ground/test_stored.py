@@ -10,8 +10,9 @@ from virtual_time import follow
 
 from uavrt.clock import Clock
 from uavrt.errors import RecordingError
-from uavrt.ground.store import flight_keeper
-from uavrt.ground.store.flight_keeper import RETRY_S, FlightKeeper
+from uavrt.ground.store import flight_keeper, flight_queue
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_queue import RETRY_S
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.stored import PulseLines, read_ground_pulses
 from uavrt.messages import BurstInside, PulsePose
@@ -51,13 +52,13 @@ def test_two_flights_of_a_disk_that_was_not_there_are_whole_when_it_is(tmp_path:
     for first in (0, 10):
         keeper.begin(())
         assert all(keeper.add_pulse(pulse(first + number)) for number in range(10))
-        keeper.commit()
-        assert not keeper.stored
-        assert keeper.fault is not None
+        keeper.queue.commit()
+        assert not keeper.queue.stored
+        assert keeper.queue.fault is not None
     disk.unlink()
-    keeper.commit()
-    assert keeper.stored
-    assert keeper.fault is None
+    keeper.queue.commit()
+    assert keeper.queue.stored
+    assert keeper.queue.fault is None
     keeper.close()
     # Of one second they have one name; no pulse is missing either way.
     found = {one.key for one in read_ground_pulses(disk)}
@@ -68,7 +69,7 @@ def test_two_flights_of_a_disk_that_was_not_there_are_whole_when_it_is(tmp_path:
 def test_more_pulses_than_may_wait_stay_with_the_drone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(flight_keeper, "MOST_WAITING", 5)
+    monkeypatch.setattr(flight_queue, "MOST_WAITING", 5)
     disk = tmp_path / "disk"
     disk.write_text("a file in its place")
     keeper = FlightKeeper(disk, Clock.start())
@@ -83,7 +84,7 @@ def test_more_pulses_than_may_wait_stay_with_the_drone(
         with pytest.raises(RecordingError, match="cannot make"):
             keeper.put_inside(inside(pulse(1)))
     disk.unlink()
-    keeper.commit()
+    keeper.queue.commit()
     assert keeper.add_pulse(pulse(5))
     keeper.close()
     assert len(read_flight(disk / flight_id).pulse_poses) == 6
@@ -97,9 +98,9 @@ def test_what_is_inside_a_burst_of_the_flight_before_reaches_that_flight(
     keeper.add_pulse(pulse(0))
     after = keeper.begin(())
     assert not keeper.put_inside(inside(pulse(0)))
-    assert not keeper.stored
-    keeper.commit()
-    assert keeper.stored
+    assert not keeper.queue.stored
+    keeper.queue.commit()
+    assert keeper.queue.stored
     keeper.close()
     assert before != after
     (item,) = read_flight(tmp_path / before).pulse_poses

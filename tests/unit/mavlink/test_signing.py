@@ -175,5 +175,5 @@ async def test_a_signing_ground_station_commands_through_ardupilot_and_another_d
                 pass
         async with world.station(signing_key=KEY) as (friend, _):
             await friend.ask("stop_detection")
-            assert friend.refused == {}
+            assert friend.contact.refused == {}
         assert [command.name for command in world.of(Command)] == ["stop_detection"]

@@ -102,7 +102,7 @@ def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
                 address=address, directory=tmp_path, tags=TAGS, start=True
             )
             station = Station(settings, events.append)
-            identity, clock = station.session.identity, station.session.clock
+            identity, clock = station.session.vehicle.identity, station.session.vehicle.clock
             identity.choose(1)
             for number in (1, 2):
                 version = dialect.AutopilotVersion(uid=number, uid2=bytes(18))

@@ -204,14 +204,14 @@ def test_no_frame_makes_the_page_deaf(tmp_path: Path, links: list[MemoryLink]) -
     async def main() -> None:
         collected_faults(faults)
         session = GroundSession(GroundStore(tmp_path), clock)
-        listener = session.hub.listen()
+        listener = session.vehicle.feed.hub.listen()
         serving = asyncio.create_task(session.run())
         await attack(links, Random(20262))
-        session.begin_flight()
+        session.vehicle.begin_flight()
         links[0].hear(FrameWriter(1, 191).encode(genuine_pulse(now_ns)))
-        await until(lambda: session.flight.pulses)
-        session.flight.commit()
-        assert session.flight.fault is None
+        await until(lambda: session.vehicle.flight.keeper.pulses)
+        session.vehicle.flight.keeper.queue.commit()
+        assert session.vehicle.flight.keeper.queue.fault is None
         await asyncio.sleep(1.2)  # an estimate of whatever was believed
         serving.cancel()
         with suppress(asyncio.CancelledError, UavrtError):

@@ -88,13 +88,13 @@ async def test_of_a_flood_the_page_keeps_tags_and_the_strongest_also_after_a_res
     ]
     async with page.served():
         session = page.session
-        session.begin_flight()
+        session.vehicle.begin_flight()
         for one in (OFF_LABEL, *many):
-            session._take(one)
+            session.reception.take(one)
         state = await page.state()
         assert [one["pulses"] for one in state["beeps"]] == [12, *range(77, 108)]
-        session.flight.commit()
-        await session.flight.settle(5.0)
+        session.vehicle.flight.keeper.queue.commit()
+        await session.vehicle.flight.keeper.queue.settle(5.0)
     restarted = AskedPage(tmp_path / "ground", world.ground_address)
     async with restarted.served():
         state = await restarted.state()

@@ -63,7 +63,7 @@ async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_bac
         assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
         for at_hz in places_hz[1:]:
             away_hz = at_hz - listed_hz(page)
-            page.session.beeps[:] = [
+            page.session.vehicle.drone.beeps[:] = [
                 made.beep(frequency_hz=at_hz, tag_ids=(2,), offsets_hz=(away_hz,))
             ]
             request = {"tag_id": 2, "frequency_hz": at_hz}
@@ -88,8 +88,8 @@ async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_cor
         await flown(world, page)
         session = page.session
         with monkeypatch.context() as patch:
-            now = session.situation
-            patch.setattr(session, "situation", lambda: replace(now(), foreign=True))
+            now = session.vehicle.situation
+            patch.setattr(session.vehicle, "situation", lambda: replace(now(), foreign=True))
             foreign = await press(page, CORRECT)
         assert "same number" in foreign.json["message"]
         world.radio_cut()
@@ -123,13 +123,15 @@ async def test_only_what_was_measured_before_a_correction_of_this_station_is_dro
     of_other_station = off_label(world, frequency_hz=148_711_000.0, offsets_hz=(360.0,))
     async with world.flying(), page.served():
         await flown(world, page)
-        page.session._take(of_other_station)
-        assert of_other_station in page.session.beeps, "measured with a list of another station"
-        stale = page.session.beeps[0]
+        page.session.reception.take(of_other_station)
+        assert of_other_station in page.session.vehicle.drone.beeps, (
+            "measured with a list of another station"
+        )
+        stale = page.session.vehicle.drone.beeps[0]
         assert (await press(page, CORRECT)).status == 200
         for one in (stale, of_other_station):
-            page.session._take(one)
-        assert page.session.beeps == [of_other_station]
+            page.session.reception.take(one)
+        assert page.session.vehicle.drone.beeps == [of_other_station]
 
 
 async def test_what_the_old_search_finds_as_it_ends_is_dropped_and_the_new_one_has_its_settings(

@@ -71,7 +71,7 @@ async def test_on_a_full_disk_the_page_says_what_the_drone_has_and_the_press_can
         assert refused.json["error"].startswith(words)
         assert "No space left" in refused.json["error"]
         state = await page.state()
-        assert (listed(page).frequency_hz, page.session.store.tags) == (
+        assert (listed(page).frequency_hz, page.session.vehicle.store.tags) == (
             HERE_HZ,
             (listed(page),),
         )
@@ -153,11 +153,11 @@ async def test_what_was_measured_is_offered_after_a_flight_in_which_nothing_beep
     page = AskedPage(tmp_path / "ground", world.ground_address)
     async with world.flying(), page.served():
         await flown(world, page)
-        page.session._end_flight()
-        page.session.begin_flight()
-        page.session._end_flight()
-        page.session.flight.commit()
-        await page.session.flight.settle(5.0)
+        page.session.vehicle.flight.end()
+        page.session.vehicle.begin_flight()
+        page.session.vehicle.flight.end()
+        page.session.vehicle.flight.keeper.queue.commit()
+        await page.session.vehicle.flight.keeper.queue.settle(5.0)
     (page.directory / "damaged").mkdir()
     (page.directory / "damaged" / "flight.sqlite").write_bytes(b"no database")
     restarted = AskedPage(page.directory, World(tmp_path).ground_address)

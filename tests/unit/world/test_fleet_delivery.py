@@ -35,12 +35,16 @@ async def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss_on_each_lin
             drone.detect(THESIS_TAG)
         sessions = page.station.fleet.sessions
         assert len(sessions) == VEHICLES
-        await until(lambda: all(one.state is SystemState.DETECTING for one in sessions))
+        await until(
+            lambda: all(one.vehicle.drone.state is SystemState.DETECTING for one in sessions)
+        )
         for number in range(PULSES):
             for drone in drones.values():
                 drone.find_pulse(number)
             await asyncio.sleep(1.0 / PULSES_HZ)
-        await until(lambda: all(one.flight.pulses == PULSES for one in sessions), 60.0)
+        await until(
+            lambda: all(one.vehicle.flight.keeper.pulses == PULSES for one in sessions), 60.0
+        )
         flights = (await page.ask("GET", "/api/flights")).json
         assert {one["vehicle"] for one in flights} == {str(number) for number in numbers}
         for one in flights:

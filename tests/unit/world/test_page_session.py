@@ -56,7 +56,7 @@ async def test_a_start_and_a_stop_right_after_the_tags_are_taken(tmp_path: Path)
     """The drone's next periodic heartbeat is up to a second away."""
     async with flown(tmp_path) as (_, page):
         row = {"id": 2, "frequency_mhz": 148.7, "interval_ms": 1254, "pulse_width_ms": 20}
-        headers = {"If-Match": f'"{table_version(page.session.store.tags)}"'}
+        headers = {"If-Match": f'"{table_version(page.session.vehicle.store.tags)}"'}
         saved = await page.ask("PUT", "/api/tags", [row], headers=headers)
         assert saved.status == 200, saved.json
         for name in ("send_tags", "start", "stop"):
@@ -149,7 +149,7 @@ async def test_a_flight_whose_end_the_station_did_not_hear_is_not_gone_on_with(
             await page.until(lambda state: not state["flight"]["ended"])
             find(world, 0.1)
             await page.until(pulses(1))
-        assert page.session.store.current_flight is not None
+        assert page.session.vehicle.store.current_flight is not None
         stop = Command(name="stop_detection", request_id=999, source="command line")
         assert world.computer.supervisor.command(stop).accepted
         await until(lambda: not world.mission.ending)

@@ -1,7 +1,7 @@
 """Download flights from the drone over the station's own link, with progress.
 
 The conversation is `uavrt.ground.fetch.ftp_client`'s, as in ``uavrt fetch``; here its requests
-go out on the link that the page has open already. A flight lies beside those received here, as
+go out on the link that the page has open already. A flight lies among those received here, as
 ``NAME_drone``: the two recordings of one flight may have the same name, and neither may be
 written over.
 """
@@ -15,9 +15,15 @@ from typing import Any
 
 from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.ground.fetch.flight_list import drone_flights
-from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
+from uavrt.ground.fetch.ftp_client import (
+    FileClient,
+    RemoteEntry,
+    fetch_file,
+    file_request,
+    require_room,
+)
 from uavrt.ground.fetch.sample_files import is_samples
-from uavrt.ground.link.session_parts import HeldSession
+from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.store.beside_drone import is_the_drones
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
@@ -45,14 +51,14 @@ class Download:
 
 
 class Downloads:
-    """One download at a time, for one session.
+    """One download at a time, for one vehicle.
 
-    `session`: whose link is used.
+    `vehicle`: whose link is used.
     """
 
-    def __init__(self, session: HeldSession) -> None:
-        self._session = session
-        self._client = FileClient(self._send, session.clock.now_ns, secrets.randbelow(256))
+    def __init__(self, vehicle: ServedVehicle) -> None:
+        self._vehicle = vehicle
+        self._client = FileClient(self._send, vehicle.clock.now_ns, secrets.randbelow(256))
         self._asking = asyncio.Lock()
         self._task: asyncio.Task[None] | None = None
         self._shown_ns = 0
@@ -60,9 +66,10 @@ class Downloads:
 
     def receive(self, frame: Frame) -> None:
         """Handle a frame of the link; only the drone's file server is listened to."""
-        if frame.message_id != dialect.FileTransferProtocol.ID or self._session.link is None:
+        link = self._vehicle.connection.link
+        if frame.message_id != dialect.FileTransferProtocol.ID or link is None:
             return
-        drone, own = self._session.link.protocol.drone, self._session.link.protocol.own
+        drone, own = link.protocol.drone, link.protocol.own
         if drone != Peer(frame.system_id, frame.component_id):
             return
         message = frame.message()
@@ -72,11 +79,7 @@ class Downloads:
             self._client.receive(message.payload)
 
     async def flights(self) -> list[dict[str, Any]]:
-        """List the flights on the drone, newest first, and whether each is here.
-
-        Raises `LinkError`: there is no drone, it does not answer, or a download is already
-        running.
-        """
+        """List the flights on the drone, newest first, and whether each is here."""
         if self._asking.locked():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -89,12 +92,10 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Begin to fetch a flight; progress is told to all listeners.
+        """Begin to fetch a flight; its progress is sent to all pages.
 
         `flight_id`: its name on the drone.
         `everything`: its recorded samples as well.
-        Raises `UsageError`: not the name of a flight, or that of one on this same computer.
-        Raises `LinkError`: another one is under way.
         """
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
@@ -129,12 +130,12 @@ class Downloads:
                 wanted = [one for one in tree.files if everything or not is_samples(one.path)]
                 await self._fetch_files(flight_id, _database_last(wanted))
             error = None
-            self._session.note(6, f"{flight_id} is here")
+            self._vehicle.feed.note(6, f"{flight_id} is here")
             if tree.left_out:
-                self._session.note(4, f"{tree.left_out} entries of {flight_id} left out")
+                self._vehicle.feed.note(4, f"{tree.left_out} entries of {flight_id} left out")
         except UavrtError as fault:
             error = str(fault)
-            self._session.note(4, f"{flight_id} not fetched: {error}")
+            self._vehicle.feed.note(4, f"{flight_id} not fetched: {error}")
         finally:
             assert self.current is not None
             self.current = replace(self.current, ended=True, error=error)
@@ -157,7 +158,7 @@ class Downloads:
                 self.current = replace(
                     self.current, file=file, done_bytes=before + done, whole_bytes=whole
                 )
-                now_ns = self._session.clock.now_ns()
+                now_ns = self._vehicle.clock.now_ns()
                 if now_ns - self._shown_ns > REPORT_S * NANOSECONDS_PER_SECOND or done == size:
                     self._shown_ns = now_ns
                     self._show()
@@ -167,27 +168,19 @@ class Downloads:
             before += entry.size or 0
 
     def _send(self, payload: bytes) -> None:
-        link = self._session.link
+        link = self._vehicle.connection.link
         if link is None or link.protocol.drone is None:
             raise LinkError(
                 "No contact with the drone", remedy="Check its power and the radio link"
             )
-        drone = link.protocol.drone
-        link.send(
-            dialect.FileTransferProtocol(
-                target_network=0,
-                target_system=drone.system_id,
-                target_component=drone.component_id,
-                payload=payload,
-            )
-        )
+        link.send(file_request(link.protocol.drone, payload))
 
     def _place(self, flight_id: str) -> Path:
-        return self._session.store.directory / f"{flight_id}{FETCHED_COPY}"
+        return self._vehicle.store.directory / f"{flight_id}{FETCHED_COPY}"
 
     def _is_own(self, flight_id: str) -> bool:
         """Whether the drone side runs here, and this is its flight."""
-        directory = self._session.store.directory
+        directory = self._vehicle.store.directory
         here = FlightLayout(directory / flight_id).database.is_file()
         return here and is_the_drones(directory)
 
@@ -195,7 +188,7 @@ class Downloads:
         return FlightLayout(self._place(flight_id)).database.is_file()
 
     def _show(self) -> None:
-        self._session.hub.send("download", self.record())
+        self._vehicle.feed.send("download", self.record())
 
 
 def _database_last(entries: list[RemoteEntry]) -> list[RemoteEntry]:

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 from uavrt.errors import LinkError
-from uavrt.ground.fetch.ftp_client import FileClient
+from uavrt.ground.fetch.ftp_client import FileClient, file_request
 from uavrt.ground.link.parallel_links import Ways
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import dialect
@@ -135,12 +135,5 @@ class DroneFiles:
         return self._own == Peer(message.target_system, message.target_component)
 
     def _send(self, payload: bytes) -> None:
-        if self._drone is None:
-            return
-        message = dialect.FileTransferProtocol(
-            target_network=0,
-            target_system=self._drone.system_id,
-            target_component=self._drone.component_id,
-            payload=payload,
-        )
-        self._ways.send(message, self.link)
+        if self._drone is not None:
+            self._ways.send(file_request(self._drone, payload), self.link)

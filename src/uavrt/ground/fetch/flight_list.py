@@ -1,6 +1,6 @@
 """The flights on the drone in the order in which they were flown.
 
-Their names come from a clock that may begin in 1970; the drone notes beside them how they
+Their names come from a clock that may begin in 1970; the drone notes how they
 followed each other (`uavrt.recording.flight_order`).
 """
 

@@ -18,6 +18,8 @@ from pathlib import Path
 from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError, RecordingError
 from uavrt.ground.fetch.same_flight import others, place_for
+from uavrt.mavlink.dialect import FileTransferProtocol
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
@@ -32,8 +34,8 @@ BURST_BYTES = 1 << 20
 """Most that is taken of a burst; a server that sends more is asked again from there."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
-"""What must come within `STALL_NS`: the slowest radio brings three times as much, and who
-trickles a kilobyte a minute in the drone's place holds nobody up for longer than one."""
+"""What must come within `STALL_NS`: the slowest radio brings three times as much, and a
+server that trickles a kilobyte a minute is given up after one."""
 MOST_REPLIES = 4096
 """Replies that wait; a flood drops its rest."""
 CHECKSUM_TRIES = 30
@@ -211,17 +213,7 @@ class FileClient:
 
     async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
         """Ask for a burst and take what comes of it between `offset` and `end`, by place."""
-        self._clear()
-        self._sequence += 1
-        first = self._sequence
-        request = FtpPacket(
-            sequence=first,
-            session=self._session,
-            opcode=Opcode.BURST_READ_FILE,
-            size=DATA_SIZE,
-            offset=offset,
-        )
-        self._send(request.encode())
+        self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)
         while (reply := await self._reply(QUIET_NS, until_s)) is not None:
@@ -253,17 +245,8 @@ class FileClient:
                 f"a path of {len(data)} bytes is too long for a request",
                 remedy="`uavrt fetch --list` shows what is on the drone",
             )
-        self._sequence += 1
-        request = FtpPacket(
-            sequence=self._sequence,
-            session=self._session,
-            opcode=opcode,
-            size=size,
-            offset=offset,
-            data=data,
-        ).encode()
+        request = self._request(opcode, data=data, offset=offset, size=size)
         wanted = (self._sequence + 1) & 0xFFFF
-        self._clear()
         for attempt in range(tries):
             self.repeats += attempt > 0
             if attempt > 0:
@@ -287,9 +270,21 @@ class FileClient:
         except TimeoutError:
             return None
 
-    def _clear(self) -> None:
+    def _request(
+        self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
+    ) -> bytes:
+        """Write the next request; replies to earlier ones are dropped."""
         while not self._replies.empty():
             self._replies.get_nowait()
+        self._sequence += 1
+        return FtpPacket(
+            sequence=self._sequence,
+            session=self._session,
+            opcode=opcode,
+            size=size,
+            offset=offset,
+            data=data,
+        ).encode()
 
 
 class _Pace:
@@ -314,6 +309,16 @@ class _Pace:
                 f"{s_from_ns(STALL_NS):.0f} s",
                 remedy="Move closer to the drone and try again; what has arrived is kept",
             )
+
+
+def file_request(drone: Peer, payload: bytes) -> FileTransferProtocol:
+    """Address a request to the drone's file server."""
+    return FileTransferProtocol(
+        target_network=0,
+        target_system=drone.system_id,
+        target_component=drone.component_id,
+        payload=payload,
+    )
 
 
 def _soon(wait_ns: int) -> float:
@@ -357,7 +362,7 @@ async def fetch_file(
     """Fetch one file; False if it was here already.
 
     It grows as ``NAME.part`` and gets its name when its checksum is right. A part that was
-    there is gone on with; if the whole is then wrong it is fetched anew, once. A file of that
+    there is gone on with; if the whole is then wrong it is fetched again, once. A file of that
     name that is here and is no earlier state of this one stays; the new one is then
     ``NAME.other-1``.
 

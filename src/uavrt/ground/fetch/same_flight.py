@@ -1,7 +1,7 @@
 """Decide whether a file from the drone may replace a local one.
 
 Names prove nothing: a simulated flight has the name of its second, a drone's clock may be
-wrong, and who answers may be somebody else. Three things do: a log only grows, so the new one
+wrong, and another server may answer. Three things do: a log only grows, so the new one
 begins with all of the old one; a flight's database keeps its pulses, so the new one has the
 same flight and all pulses of the old one; and the description of a recording keeps its
 stretches, whose times are corrected at most once.
@@ -22,7 +22,7 @@ CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"
 MOST_OTHERS = 100
 _CORRECTED_S = 2.0
-"""By so much at most the time of a stretch is corrected when the clock has settled."""
+"""Largest correction of a stretch's time when the clock has settled [s]."""
 
 _FLIGHT = "SELECT start_time_ns, clock_offset_ns, center_frequency_hz FROM {}.flight"
 _LACKING = (
@@ -32,7 +32,7 @@ _LACKING = (
 
 
 def place_for(new: Path, place: Path) -> Path:
-    """Get where a new file goes: to its place, or beside what is there and is another."""
+    """Get where a new file goes: to its place, or to a new name if another file is there."""
     if not place.exists() and not place.is_symlink():
         return place
     if place.is_file():
@@ -47,7 +47,7 @@ def place_for(new: Path, place: Path) -> Path:
 
 
 def others(place: Path) -> list[Path]:
-    """Get the files that came by the same name and were put beside."""
+    """Get the files that came by the same name and were given another."""
     return [p for p in place.parent.glob("*") if p.name.startswith(place.name + OTHER_SUFFIX)]
 
 

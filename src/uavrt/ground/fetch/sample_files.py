@@ -10,7 +10,7 @@ BAND: SampleKind = "band"
 
 
 def sample_part(path: str) -> SampleKind | None:
-    """Tell which samples a file on the drone holds; None for all other files."""
+    """Find which samples a file on the drone holds; None for all other files."""
     if "/iq/channels/" in path:
         return CHANNELS
     return BAND if "/iq/" in path else None

@@ -37,7 +37,7 @@ class Situation:
     link_open: bool
     drone_present: bool
     state: SystemState | None
-    """None when the drone does not tell, as the thesis's."""
+    """None when the drone sends no state, as the thesis's."""
     tags: int
     """Tags in the table."""
     tags_sent: bool

@@ -27,7 +27,7 @@ from uavrt.ground.link.actions import (
     wait_for,
 )
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ground.link.session_parts import HeldSession
+from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.recording.places import Mark, mark_note
 
 _SWITCHED_OFF_S: Final = 300.0
@@ -46,24 +46,24 @@ def _parameter(wish: Any) -> tuple[str, float]:
     return name, float(number)
 
 
-def _correction(session: HeldSession, request: Any) -> TagCorrection:
+def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
     """Read which correction is requested; raises `FormatError`."""
-    now_ns = session.clock.now_ns()
+    now_ns = vehicle.clock.now_ns()
     tag_id = request.get("tag_id") if isinstance(request, dict) else None
-    tag = next((one for one in session.store.tags if one.tag_id == tag_id), None)
+    tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
     if tag is None:
         raise FormatError("tag_id must be a listed tag's")
     if request.get("undo") is True:
-        last = next((x for x in session.store.corrections_listed if x.tag_id == tag_id), None)
+        last = next((x for x in vehicle.store.corrections_listed if x.tag_id == tag_id), None)
         if last is None:
             raise FormatError(f"tag {tag_id} has no correction to undo")
         return last.undone(tag, now_ns)
     frequency_hz = request.get("frequency_hz")
     if not isinstance(frequency_hz, int | float):
         raise FormatError("frequency_hz must be a number")
-    for beep in session.beeps:
+    for beep in vehicle.drone.beeps:
         if tag.tag_id in beep.tag_ids and abs(beep.frequency_hz - frequency_hz) < 1.0:
-            correction = correction_of(tag, beep, now_ns, session.beeps)
+            correction = correction_of(tag, beep, now_ns, vehicle.drone.beeps)
             if correction is not None:
                 return correction
     raise FormatError(
@@ -90,13 +90,13 @@ def _place(wish: Any) -> tuple[float, float] | None:
 
 
 class Commands:
-    """The commands of one session.
+    """The commands of one vehicle.
 
-    `session`: whose link and flight they use.
+    `vehicle`: whose link and flight they use.
     """
 
-    def __init__(self, session: HeldSession) -> None:
-        self._session = session
+    def __init__(self, vehicle: ServedVehicle) -> None:
+        self._vehicle = vehicle
 
     def by_name(self, body: Any) -> dict[str, Callable[[], Awaitable[str]]]:
         """List what a page may ask, by the name of its button; `body` is what it sent along."""
@@ -113,21 +113,15 @@ class Commands:
         }
 
     async def send_tags(self) -> str:
-        """Send the tag table to the drone; returns what to tell the operator.
-
-        Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer.
-        """
+        """Send the tag table to the drone; return a text for the operator."""
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table whatever the last heartbeat said; raises as `send_tags`."""
-        tags = self._session.store.chosen_tags
+        """Send the tag table whatever the last heartbeat said."""
+        tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
-            self._session.sent_tags = tags
-            if self._session.state is not None:
-                # Valid once acknowledged; the heartbeat that reports it may come 1 s later.
-                self._session.state = SystemState.HAS_TAGS
+            self._vehicle.drone.tags_accepted(tags)
             return f"{len(tags)} tags sent"
 
     async def start(self) -> str:
@@ -136,22 +130,23 @@ class Commands:
 
     async def start_by(self, link: GroundLink) -> str:
         """Start detection whatever the drone's last heartbeat said."""
-        settings = self._session.store.settings
+        settings = self._vehicle.store.settings
         async with self._working("start", "starting"):
             frequency = settings.center_frequency_mhz
-            self._session.drone_directory = await link.start_detection(
+            directory = await link.start_detection(
                 center_frequency_hz=None if frequency is None else frequency * 1e6,
                 gain=settings.gain or 0,
             )
-            if self._session.flight.ended:
-                self._session.begin_flight()
-            return self._session.drone_directory or "detecting"
+            self._vehicle.drone.started(directory)
+            if self._vehicle.flight.keeper.ended:
+                self._vehicle.begin_flight()
+            return directory or "detecting"
 
     async def stop(self) -> str:
         """Stop detection or capture, whatever the last heartbeat said."""
-        if (reason := unreachable(self._session.situation())) is not None:
+        if (reason := unreachable(self._vehicle.situation())) is not None:
             raise LinkError(reason)
-        link = self._session.link
+        link = self._vehicle.connection.link
         assert link is not None
         async with self._working("stop", "stopping"):
             await link.stop_detection()
@@ -160,7 +155,7 @@ class Commands:
     async def capture(self) -> str:
         """Record raw samples on the drone."""
         link = self._allowed("capture")
-        settings = self._session.store.settings
+        settings = self._vehicle.store.settings
         async with self._working("capture", "asking for a raw capture"):
             frequency = settings.center_frequency_mhz
             payload = link.writing.capture(
@@ -185,19 +180,19 @@ class Commands:
         as it was.
         Raises `RecordingError`: the list cannot be written; the text says what the drone has.
         """
-        session, store = self._session, self._session.store
-        correction = _correction(session, request)
+        vehicle, drone, store = self._vehicle, self._vehicle.drone, self._vehicle.store
+        correction = _correction(vehicle, request)
         tag_id = correction.tag_id
         if faults := faults_of_tags([correction.after]):
             raise FormatError(faults[0])
-        sent = {tag.tag_id: tag for tag in session.sent_tags}
+        sent = {tag.tag_id: tag for tag in drone.sent_tags}
         link = self._link_to_correct(searched=tag_id in sent or not sent)
         async with self._working("correct_tag", f"correcting tag {tag_id}"):
             if link is not None:
                 after = correction.applied(sent.get(tag_id, correction.before))
                 await link.correct_tag(after)
-                session.sent_tags = tuple((sent and sent | {tag_id: after}).values())
-                session.flight.correct_tags((after,))
+                drone.set_tags(tuple((sent and sent | {tag_id: after}).values()))
+                vehicle.flight.keeper.correct_tags((after,))
             try:
                 await store.disk.run(store.correct_tag, correction)
             except (OSError, UavrtError) as error:
@@ -208,26 +203,26 @@ class Commands:
                 raise RecordingError(
                     text, remedy="Check that it is listed and the disk has room, and repeat it"
                 ) from error
-        session.beeps[:] = [one for one in session.beeps if tag_id not in one.tag_ids]
-        session.tags_changed()
+        drone.beeps[:] = [one for one in drone.beeps if tag_id not in one.tag_ids]
+        vehicle.show_tags()
         text = str(correction)
-        if link is None and session.state is None and not session.flight.ended:
+        if link is None and drone.state is None and not vehicle.flight.keeper.ended:
             text += ". In the list alone: send the tags when the drone is back"
-        session.note(5, text)
+        vehicle.feed.note(5, text)
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
         """Get the link if the drone searches with the tag, or did before contact was lost."""
-        session, now = self._session, self._session.situation()
-        lost = session.state is None and not session.flight.ended
+        vehicle, now = self._vehicle, self._vehicle.situation()
+        lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)
-        in_flight = searched and (session.state is SystemState.DETECTING or lost)
+        in_flight = searched and (now.state is SystemState.DETECTING or lost)
         reason = cannot_command(now) if in_flight else wait_for(now)
         if reason is not None and lost and not now.drone_present:
             reason += f". The list alone can be corrected after {_SWITCHED_OFF_S / 60:.0f} min"
         if reason is not None:
             raise LinkError(reason)
-        return session.link if in_flight else None
+        return vehicle.connection.link if in_flight else None
 
     async def parameters(self) -> dict[str, float]:
         """Get the drone's parameters."""
@@ -240,20 +235,20 @@ class Commands:
         async with self._working("parameters", f"setting {name}"):
             value = await link.parameters.set(name, value)
             if name == "RADIO_PPM":  # what was measured before is no longer so
-                self._session.beeps.clear()
+                self._vehicle.drone.beeps.clear()
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and place (the drone's unless told) into the flight."""
-        now_ns = self._session.clock.now_ns()
-        pose = self._session.vehicle.pose if self._session.vehicle else None
+        """Write a remark with time and place (by default the drone's) into the flight."""
+        now_ns = self._vehicle.clock.now_ns()
+        pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:
             place = (pose.latitude_deg, pose.longitude_deg)
         if place is None:
             note = "mark" + (f": {text.strip()[:200]}" if text.strip() else "")
         else:
             note = mark_note(*place, text)
-            self._session.marks.append(
+            self._vehicle.flight.add_mark(
                 Mark(
                     time_ns=now_ns,
                     latitude_deg=place[0],
@@ -261,34 +256,31 @@ class Commands:
                     text=text.strip()[:200],
                 )
             )
-            self._session.send_state()
-        self._session.flight.add_note(note, now_ns)
-        self._session.commit_soon()
-        self._session.note(6, note)
+            self._vehicle.feed.send_state()
+        self._vehicle.flight.keeper.add_note(note, now_ns)
+        self._vehicle.flight.commit_soon()
+        self._vehicle.feed.note(6, note)
         return note
 
     def _allowed(self, action: str) -> GroundLink:
         """Get the link, when the action is allowed now."""
-        state = action_states(self._session.situation())[action]
+        state = action_states(self._vehicle.situation())[action]
         if not state["enabled"]:
             raise LinkError(str(state["reason"]))
-        assert self._session.link is not None
-        return self._session.link
+        assert self._vehicle.connection.link is not None
+        return self._vehicle.connection.link
 
     @contextlib.asynccontextmanager
     async def _working(self, action: str, text: str) -> AsyncIterator[None]:
-        self._session.busy = Busy(action=action, text=text)
-        self._session.send_state()
+        self._vehicle.set_busy(Busy(action=action, text=text))
         try:
             yield
         except UavrtError as error:
-            self._session.note(4, f"{ACTIONS.get(action, 'Correction')} failed: {error}")
+            self._vehicle.feed.note(4, f"{ACTIONS.get(action, 'Correction')} failed: {error}")
             raise
         finally:
-            self._session.busy = None
-            self._session.send_state()
+            self._vehicle.set_busy(None)
 
     def _progress(self, done: int, whole: int) -> None:
-        if self._session.busy is not None:
-            self._session.busy = replace(self._session.busy, done=done, whole=whole)
-            self._session.send_state()
+        if (busy := self._vehicle.busy) is not None:
+            self._vehicle.set_busy(replace(busy, done=done, whole=whole))

@@ -5,26 +5,19 @@
 
 import asyncio
 import contextlib
-from collections import deque
-from collections.abc import AsyncIterator, Callable, Sequence
-from math import ceil
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from uavrt.commands import NO_UPLOAD, CommandName, Generation
 from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.drone_contact import DroneContact
 from uavrt.ground.link.drone_parameters import DroneParameters
+from uavrt.ground.link.exchange import ACK_WAIT_S, Exchange
 from uavrt.ground.link.parallel_links import Links, Ways
-from uavrt.ground.link.protocol import (
-    Acknowledged,
-    DetectorAlive,
-    DroneHeartbeat,
-    GroundEvent,
-    GroundProtocol,
-)
+from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
 from uavrt.ground.link.stored_pulses import new_store
-from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
 from uavrt.ground.link.vehicle_missions import VehicleMissions
 from uavrt.log import get_logger
 from uavrt.mavlink.dialect import FileTransferProtocol, Tunnel
@@ -34,70 +27,49 @@ from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.signing import Signing, SigningKey
 from uavrt.messages import Neighbour, Tag
-from uavrt.tunnel.codec import acked_command_of
 from uavrt.tunnel.coded_tag import CODED_TAG_TYPE
 from uavrt.tunnel.gate import Sealer
-from uavrt.tunnel.motion import MotionState, is_confirmation, is_stop
+from uavrt.tunnel.motion import MotionState
 from uavrt.tunnel.neighbours import encode_neighbour
-from uavrt.tunnel.private import MAX_SEALED_HASHES, MOTION_TYPE, NEIGHBOUR_TYPE
+from uavrt.tunnel.private import MAX_SEALED_HASHES, NEIGHBOUR_TYPE
 from uavrt.tunnel.seal import Key
 from uavrt.tunnel.wire import PAYLOAD_TYPE
-from uavrt.units import ns_from_s, s_from_ns
-
-__all__ = [
-    "Acknowledged",
-    "DetectorAlive",
-    "DroneHeartbeat",
-    "GroundEvent",
-    "GroundLink",
-    "GroundProtocol",
-]
+from uavrt.units import ns_from_s
 
 log = get_logger()
 
 HEARTBEAT_S = 1.0
 RECEIPT_POLL_S = 0.05
-ACK_WAIT_S = 2.0
-TRIES = 4
-STOP_WAIT_S = 0.4
-"""Time after which a stop is sent again [s]; on a radio an answer takes 0.3 s or more."""
-CONFIRMS_WITHIN_NS = ns_from_s(1.0)
-"""From the operator's word until a confirmation leaves; later it is not what was meant."""
-EVENTS = 20_000
-"""Events kept for a slow reader; at 50 pulses a second, almost 7 minutes."""
 
 
 class GroundLink:
     """A ground station's link to the drone.
 
+    Whatever is asked of the drone raises `CommandRefused` with the drone's reason, or
+    `LinkError` if it does not answer.
+
     ::
 
-        link = GroundLink(clock.now_ns)
+        link = GroundLink(clock.now_ns, on_event=print)
         task = asyncio.create_task(link.run("udpin://127.0.0.1:14550"))
         await link.wait_for_drone(30.0)
         await link.upload_tags(tags)
         await link.start_detection()
-        async for event in link.events():
-            ...
 
-    `on_event`: called at once with each event; without it they wait for `events`.
-    `generation`: wire format; G1 unless the drone runs the thesis's software, or the original's
-    numbered versions.
+    `on_event`: called at once with each event.
+    `generation`: wire format of the drone's software.
     `system_id`, `component_id`: our own numbers; 254/190, or 255/190 with `as_gcs`.
     `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on.
     `ack_wait_s`: how long to wait for each acknowledgement before the command is sent again.
     `on_frame`: called with every frame of the link, the autopilot's and the radio's too.
-    `receipts`: what the station holds already, from
-    `uavrt.ground.link.stored_pulses.open_receipts`; without it the drone sends all of its
-    flight.
+    `receipts`: what the station holds already; without it the drone sends its whole flight.
     `progress`: how many pulses `on_event` has taken, and the durable ones of these: they are
     acknowledged, and nothing for which `on_event` raises `RecordingError`. Without it a pulse
     is acknowledged when `on_event` returns.
     `key`: what commands and receipts are sealed with, see `uavrt.tunnel.seal`.
     `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`; then unsigned
     frames are taken from the autopilot only.
-    `identity`: which vehicle is served; without it the first that is heard, for as long as this
-    lives.
+    `identity`: which vehicle is served; without it the first that is heard.
     `links`: links that are shared with others, who serve other vehicles on them.
     """
 
@@ -105,13 +77,13 @@ class GroundLink:
         self,
         clock_ns: Callable[[], int],
         *,
-        on_event: Callable[[GroundEvent], None] | None = None,
+        on_event: Callable[[GroundEvent], None] = lambda _event: None,
         generation: Generation = "G1",
         system_id: int | None = None,
         component_id: int = 190,
         as_gcs: bool = False,
         ack_wait_s: float = ACK_WAIT_S,
-        on_frame: Callable[[Frame], None] | None = None,
+        on_frame: Callable[[Frame], None] = lambda _frame: None,
         receipts: Receipts | None = None,
         key: Key | None = None,
         signing_key: SigningKey | None = None,
@@ -140,33 +112,21 @@ class GroundLink:
         self._on_frame = on_frame
         self._progress = progress
         self.writing = Writing(generation)
-        self._ack_wait_s = ack_wait_s
-        self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
+        signing = None if signing_key is None else Signing(signing_key, clock_ns)
         self._ways = Ways(
-            (system_id, component_id),
-            self._receive,
-            clock_ns,
-            signing=self._signing,
-            links=links,
+            (system_id, component_id), self._receive, clock_ns, signing=signing, links=links
         )
-        self._serving = False
-        self._drone_signs = self._drone_refused = False
-        self._events: deque[GroundEvent] = deque(maxlen=EVENTS)
-        self._event_there = asyncio.Event()
-        self._drone_there = asyncio.Event()
+        self.contact = DroneContact(signing)
+        self._exchange = Exchange(self.protocol, self._ways, self.contact, clock_ns, ack_wait_s)
         self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
         """The drone's parameters."""
         self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
         """The autopilot's mission and fence."""
-        self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
-        """Answers, by number and request id of a command, or by the request id of a motion."""
-        self._busy = asyncio.Lock()
 
     @property
     def link(self) -> Link | None:
         """The first MAVLink link that is open."""
-        links = self._ways.links
-        return links[0] if self._serving and links else None
+        return next(iter(self._ways.links), None)
 
     async def run(self, *addresses: str) -> None:
         """Serve the links until cancelled.
@@ -182,7 +142,6 @@ class GroundLink:
         except UavrtError:
             await self._ways.close(opened=bool(addresses))
             raise
-        self._serving = True
         try:
             next_heartbeat_ns = turn = 0
             while True:
@@ -206,11 +165,7 @@ class GroundLink:
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
         """Wait until component 191 is heard; raises `LinkError` when it is not."""
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self._drone_there.wait()
-        except TimeoutError:
-            raise self._unheard() from None
+        await self.contact.wait(timeout_s)
         assert self.protocol.drone is not None
         return self.protocol.drone
 
@@ -219,33 +174,6 @@ class GroundLink:
         drone = self.protocol.drone
         return self.protocol.identity.system_id if drone is None else drone.system_id
 
-    def _unheard(self) -> LinkError:
-        """Explain why there is no drone: it is locked with another key, or not there."""
-        if self._drone_refused:
-            return LinkError(
-                f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
-                "key given",
-                remedy="Give the key that the drone has as mavlink.signing_key_file, or none "
-                "if it has none",
-            )
-        return LinkError(
-            f"no drone is heard (MAVLink component {DRONE_COMPONENT})",
-            remedy="Check the drone's power, the radio, and that the autopilot forwards "
-            "MAVLink between its companion and ground ports",
-        )
-
-    def _unanswered(self, number: int) -> LinkError:
-        """Explain why a command has no answer: the drone wants it signed, or is away."""
-        text = f"the drone did not answer command {number} in {TRIES * self._ack_wait_s:g} s"
-        if self._drone_signs and self._signing is None:
-            return LinkError(
-                f"{text}: it signs its frames and may accept only signed ones",
-                remedy="Give the drone's key with --signing-key",
-            )
-        return LinkError(
-            text, remedy="Check the radio link and try again; repeated commands do no harm"
-        )
-
     async def upload_tags(
         self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
     ) -> None:
@@ -253,8 +181,6 @@ class GroundLink:
 
         `tags`: all the tags; they replace those on the drone.
         `progress`: called with the messages acknowledged so far and their whole number.
-        Raises `CommandRefused`: the drone refused; the text is its reason.
-        Raises `LinkError`: it did not answer.
         """
         payloads = self.writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
@@ -273,14 +199,10 @@ class GroundLink:
                 ) from error
             if progress is not None:
                 progress(count, len(payloads))
-        self.protocol.tags = {tag.tag_id: tag for tag in tags}
+        self.protocol.set_tags(tags)
 
     async def correct_tag(self, tag: Tag) -> str:
-        """Replace a tag that is being searched; return the drone's message.
-
-        Raises `CommandRefused`: the drone refused; the text is its reason.
-        Raises `LinkError`: it did not answer.
-        """
+        """Replace a tag that is being searched; return the drone's message."""
         answer = await self.command(self.writing.correction(tag))
         self.protocol.tags[tag.tag_id] = tag
         return answer.message
@@ -300,119 +222,23 @@ class GroundLink:
         await self.ask("stop_detection")
 
     async def ask(self, name: CommandName) -> str:
-        """Ask for what is only its number, as ``"save_logs"``; return the drone's message.
-
-        Raises `CommandRefused`: the drone refused; the text is its reason.
-        Raises `LinkError`: it did not answer, or its software does not know the command.
-        """
+        """Send a command without fields, as ``"save_logs"``; return the drone's message."""
         return (await self.command(self.writing.bare(name))).message
 
     async def command(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> Acknowledged:
-        """Send a command until it is acknowledged, with the same bytes each time.
-
-        Raises `CommandRefused`: the drone refused it.
-        Raises `LinkError`: no answer after four tries.
-        """
-        number = acked_command_of(payload)
-        assert number is not None
+        """Send a command until it is acknowledged; see `Exchange.command`."""
         request_id = self.writing.request_id_of(payload)
-
-        def send(attempt: int) -> None:
-            order = self._ways.best()
-            message = self.protocol.tunnel_message(payload, payload_type)
-            self._ways.send(message, order[attempt % len(order)])
-
-        async with self._busy:
-            answer = await self._until_answered(
-                (number, request_id), send, TRIES, self._ack_wait_s
-            )
-            if answer is None:
-                raise self._unanswered(number)
-            ack: Acknowledged
-            attempt, ack = answer
-            if attempt > 0 and request_id == 0:
-                # Answers to the earlier copies may follow; they must not be taken for the
-                # answer to the next command of this number: G0 and G1 have no request ids.
-                await asyncio.sleep(self._ack_wait_s / 2)
-        if not ack.accepted:
-            raise CommandRefused(ack.message or f"the drone refused command {number}")
-        return ack
-
-    async def _until_answered(
-        self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
-    ) -> tuple[int, Any] | None:
-        """Send until an answer comes; get it with the number of the try, None without one."""
-        for attempt in range(tries):
-            answer = self._awaited[key] = asyncio.get_running_loop().create_future()
-            try:
-                try:
-                    send(attempt)
-                except LinkError:  # the drone's session comes within a second
-                    if self.protocol.drone is None or attempt == tries - 1:
-                        raise
-                async with asyncio.timeout(wait_s):
-                    return attempt, await answer
-            except TimeoutError:
-                self.protocol.counters["retries"] += 1
-            finally:
-                self._awaited.pop(key, None)
-        return None
+        return await self._exchange.command(payload, payload_type, request_id)
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send an order of motion, a confirmation or a stop; return the drone's answer.
+        """Send an order of motion, a confirmation or a stop; see `Exchange.motion`."""
+        return await self._exchange.motion(payload, request_id)
 
-        An order and a stop are repeated until they are answered, a stop every 0.4 s; a
-        confirmation is not: its nonce holds once, and what is on the way longer than a second
-        is not confirmed. A stop waits for nothing else that is under way.
-
-        `payload`: by `uavrt.tunnel.motion`.
-        Raises `CommandRefused`: the drone refused; the text is its reason.
-        Raises `LinkError`: it did not answer.
-        """
-
-        def send(_attempt: int) -> None:
-            self.send(self.protocol.tunnel_message(payload, MOTION_TYPE))
-
-        wait_s = min(self._ack_wait_s, STOP_WAIT_S) if is_stop(payload) else self._ack_wait_s
-        tries = 1 if is_confirmation(payload) else ceil(TRIES * self._ack_wait_s / wait_s)
-        self.protocol.orders.append(request_id)
-        begun_ns = self._clock_ns()
-        async with contextlib.nullcontext() if is_stop(payload) else self._busy:
-            waited_ns = self._clock_ns() - begun_ns
-            if is_confirmation(payload) and waited_ns > CONFIRMS_WITHIN_NS:
-                raise LinkError(
-                    f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
-                    "and was not sent",
-                    remedy="Ask for the motion again",
-                )
-            answer = await self._until_answered(request_id, send, tries, wait_s)
-        if answer is None:
-            raise LinkError(
-                "the drone did not answer; nothing is known to have been confirmed",
-                remedy="See `uavrt fly status`; a drone with a key needs --command-key",
-            )
-        state: MotionState = answer[1]
-        if state.kind == "refused":
-            raise CommandRefused(state.text)
-        return state
-
-    async def events(self) -> AsyncIterator[GroundEvent]:
-        """Return events as they come."""
-        while True:
-            while self._events:
-                yield self._events.popleft()
-            self._event_there.clear()
-            await self._event_there.wait()
-
-    def tell_neighbour(self, told: Neighbour) -> None:
-        """Tell the drone of another one, once it is there and has told its session."""
+    def send_neighbour(self, neighbour: Neighbour) -> None:
+        """Report another drone to this one, once it is there and has sent its session."""
         with contextlib.suppress(LinkError):
-            self.send(self.protocol.tunnel_message(encode_neighbour(told), NEIGHBOUR_TYPE))
-
-    @property
-    def refused(self) -> dict[str, int]:
-        """Frames refused for their signatures, by reason."""
-        return {} if self._signing is None else dict(self._signing.counters)
+            payload = encode_neighbour(neighbour)
+            self.send(self.protocol.tunnel_message(payload, NEIGHBOUR_TYPE))
 
     @property
     def faults(self) -> int:
@@ -426,48 +252,28 @@ class GroundLink:
         self._ways.send(message)
 
     def _receive(self, frame: Frame, link: int) -> None:
-        if frame.component_id == DRONE_COMPONENT:
-            self._drone_signs = frame.signed
-        if self._signing is not None and not self._signing.accepts(frame):
-            self._drone_refused |= frame.component_id == DRONE_COMPONENT
+        if not self.contact.accepts(frame):
             return
-        if self._on_frame is not None:
-            self._on_frame(frame)
+        self._on_frame(frame)
         self.parameters.take(frame)
         self.missions.take(frame)
         try:
             for event in self.protocol.receive(frame, self._clock_ns()):
-                self._deliver(event)
+                self._exchange.take(event)
+                self._on_event(event)
             self.protocol.taken(self._progress()[0])
             self._acknowledge()
         except RecordingError as error:  # it comes again, as it is not acknowledged
             self.protocol.counters["not_stored"] += 1
             log.seldom(self.protocol.counters["not_stored"], "not stored", reason=str(error))
         if self.protocol.drone is not None:
-            self._drone_there.set()
-            if (frame.system_id, frame.component_id) == (
-                self.protocol.drone.system_id,
-                DRONE_COMPONENT,
-            ):
+            self.contact.made.set()
+            if Peer(frame.system_id, frame.component_id) == self.protocol.drone:
                 self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
 
     def _acknowledge(self) -> None:
         """Let the next receipt name what is on the disk."""
         self.protocol.stored(self._progress()[1])
-
-    def _deliver(self, event: GroundEvent) -> None:
-        key: tuple[int, int] | int | None = None
-        if isinstance(event, Acknowledged):
-            key = event.command, event.request_id
-        elif isinstance(event, MotionState):
-            key = event.request_id
-        if key in self._awaited and not self._awaited[key].done():
-            self._awaited[key].set_result(event)
-        if self._on_event is not None:
-            self._on_event(event)
-        else:
-            self._events.append(event)
-            self._event_there.set()
 
 
 def _without_codes(error: LinkError) -> LinkError:

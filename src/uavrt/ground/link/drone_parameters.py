@@ -8,9 +8,10 @@ from contextlib import suppress
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.protocol import GroundProtocol
+from uavrt.ground.link.vehicle import request_message
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import dialect
-from uavrt.mavlink.dialect import MavCmd, MavParamType, MavProtocolCapability
+from uavrt.mavlink.dialect import MavParamType, MavProtocolCapability
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
@@ -63,10 +64,7 @@ class DroneParameters:
         self._news.set()
 
     async def list_all(self) -> dict[str, float]:
-        """Get every parameter's value.
-
-        Raises `LinkError`: the drone does not answer.
-        """
+        """Get every parameter's value; raises `LinkError`."""
         drone = self._drone()
         await self._learn_encoding(drone)
         self._raw.clear()
@@ -85,13 +83,12 @@ class DroneParameters:
         """Set a parameter; return the value in force then.
 
         Raises `CommandRefused`: the drone kept another value; its text says why.
-        Raises `LinkError`: it did not answer.
         """
         drone = self._drone()
         await self._learn_encoding(drone)
         before = self._answered.get(name, 0)
         for _ in range(TRIES):
-            # Sealed anew each time: a drone takes no seal twice.
+            # Sealed for each try: a drone takes no seal twice.
             with suppress(LinkError):  # its session comes within a second
                 self._send(self._wish(name, value, drone))
             deadline_s = monotonic_s() + self._wait_s
@@ -137,14 +134,7 @@ class DroneParameters:
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return
-            self._send(
-                dialect.CommandLong(
-                    target_system=drone.system_id,
-                    target_component=drone.component_id,
-                    command=MavCmd.REQUEST_MESSAGE,
-                    param1=dialect.AutopilotVersion.ID,
-                )
-            )
+            self._send(request_message(drone, dialect.AutopilotVersion.ID))
             await self._wait_for_news(self._wait_s)
         raise LinkError("the drone does not say who it is", remedy="Try again")
 

@@ -16,7 +16,7 @@ from uavrt.errors import CommandRefused, FormatError, LinkError, UsageError
 from uavrt.geodesy import distance_m
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motion import ask, confirm, motion_request, stop
-from uavrt.ground.link.session_parts import HeldSession
+from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT, area_in, circle, keep_out_in
 from uavrt.guidance.mission import NOT_CHECKED_ABOARD, survey_items
 from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
@@ -26,7 +26,7 @@ from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
-"""The drone tells its standing once a second."""
+"""Silence after which the drone's motion state is unknown; it comes once a second."""
 OFFER_NS = ns_from_s(OFFER_HOLDS_S)
 """So long the drone waits for a confirmation."""
 PATTERNS = ("lines", "around", "points")
@@ -46,13 +46,13 @@ class Offered:
 
 
 class Flying:
-    """The motions of one session.
+    """The motions of one vehicle.
 
-    `session`: whose link and vehicle they use.
+    `vehicle`: which is moved.
     """
 
-    def __init__(self, session: HeldSession) -> None:
-        self._session = session
+    def __init__(self, vehicle: ServedVehicle) -> None:
+        self._vehicle = vehicle
         self._state: MotionState | None = None
         self._heard_ns = 0
         self._offered: Offered | None = None
@@ -61,7 +61,7 @@ class Flying:
 
     def take(self, state: MotionState) -> None:
         """Take what the drone says of motion."""
-        self._heard_ns = self._session.clock.now_ns()
+        self._heard_ns = self._vehicle.clock.now_ns()
         if state.kind != "state":
             return
         self._state = state
@@ -70,8 +70,8 @@ class Flying:
         if (state.standing, state.text) != self._told:
             before, self._told = self._told[0], (state.standing, state.text)
             if before and before != state.standing:
-                self._session.note(5, f"motion: {state.standing}, {state.text}")
-            self._session.send_state()
+                self._vehicle.feed.note(5, f"motion: {state.standing}, {state.text}")
+            self._vehicle.feed.send_state()
 
     def forget(self) -> None:
         """Know nothing: another vehicle is served."""
@@ -80,7 +80,7 @@ class Flying:
 
     def record(self) -> dict[str, Any] | None:
         """What the page shows; None of a drone that says nothing of motion."""
-        now_ns = self._session.clock.now_ns()
+        now_ns = self._vehicle.clock.now_ns()
         state = self._state
         if state is None:
             return None
@@ -107,10 +107,7 @@ class Flying:
         }
 
     def plan(self, wish: Any) -> dict[str, Any]:
-        """Where a motion would lead, as far as the ground knows; nothing is asked.
-
-        Raises `FormatError`, `UsageError`, `PlanError`: it is none, or cannot be flown.
-        """
+        """Where a motion would lead, as far as the ground knows; nothing is asked."""
         way = self._way(_request(wish))
         home = self._home()
         return {
@@ -122,41 +119,33 @@ class Flying:
         }
 
     async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Ask the drone; give its offer. Nothing moves by it.
-
-        Raises `CommandRefused`, `LinkError`, `UavrtError`: the drone would not fly it, or does
-        not answer; or the wish is none.
-        """
+        """Ask the drone; return its offer. Nothing moves by it."""
         request = _request(wish)
         way = self._way(request)
         self._offered = None
         offer = await ask(self._link(), request)
-        now_ns = self._session.clock.now_ns()
+        now_ns = self._vehicle.clock.now_ns()
         self._offered = Offered(
             state=offer, action=request.action, way=way, time_ns=now_ns, page=page
         )
-        self._session.note(6, f"the drone would {offer.text}")
-        self._session.send_state()
+        self._vehicle.feed.note(6, f"the drone would {offer.text}")
+        self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
     async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Confirm the offer that this page sees: from now on it moves.
-
-        Raises `CommandRefused`, `LinkError`: there is no such offer any more, or the drone
-        refuses.
-        """
+        """Confirm the offer that this page sees: from now on it moves."""
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
             raise CommandRefused("this offer has expired", remedy="Ask again")
         self._offered = None
-        if self._session.clock.now_ns() - offered.time_ns > OFFER_NS:
+        if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
             raise CommandRefused("the offer has run out", remedy="Ask again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.take(state)
-        self._session.note(5, f"confirmed: {offered.state.text}")
+        self._vehicle.feed.note(5, f"confirmed: {offered.state.text}")
         return {"standing": state.standing, "text": state.text}
 
     async def upload(
@@ -166,17 +155,14 @@ class Flying:
 
         The way is checked by `call`, outside of the event loop: an outline of 1000 corners
         takes seconds.
-
-        Raises `CommandRefused`, `LinkError`, `UavrtError`: the vehicle does not take it, flies
-        a mission or does not answer; or it is none.
         """
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
-        link = self._session.link
+        link = self._vehicle.connection.link
         if link is None:
             raise LinkError("there is no link", remedy="Connect to the drone")
         done = await link.missions.upload_survey(order, Limits(), call)
-        self._session.note(
+        self._vehicle.feed.note(
             5,
             f"the vehicle holds the survey as its mission: {done.items} items; not checked: "
             f"{NOT_CHECKED_ABOARD}",
@@ -184,30 +170,27 @@ class Flying:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Let the drone stand and be out.
-
-        Raises `CommandRefused`, `LinkError`: the drone did not take it: then a pilot has to.
-        """
+        """Let the drone stand and be out; raises `CommandRefused` or `LinkError`."""
         self._offered = None
-        self._session.note(5, "taken back by the operator")
+        self._vehicle.feed.note(5, "taken back by the operator")
         state = await stop(self._link())
         self.take(state)
         return {"standing": state.standing, "text": state.text}
 
     def _link(self) -> GroundLink:
-        link = self._session.link
-        if link is None or not self._session.situation().drone_present:
+        link = self._vehicle.connection.link
+        if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
                 "the drone is not heard", remedy="Take it by the remote control if it must stop"
             )
         return link
 
     def _home(self) -> tuple[float, float] | None:
-        watch = self._session.vehicle
+        watch = self._vehicle.connection.watch
         return None if watch is None else watch.home
 
     def _way(self, request: MotionRequest) -> Places:
-        pose = self._session.vehicle.pose if self._session.vehicle else None
+        pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         here: Places = () if pose is None else ((pose.latitude_deg, pose.longitude_deg),)
         match request.action:
             case "goto":

@@ -40,7 +40,7 @@ class GivenWays:
         self._begun_s: float | None = None
 
     def take(self, vehicle: int, course: Course, now_s: float) -> bool:
-        """Take a drone's word; whether the others, and it, are to be told at once."""
+        """Take a drone's course; return whether it and the others must know at once."""
         one = self._members.get(vehicle)
         if self._begun_s is None:
             self._begun_s = now_s
@@ -79,11 +79,11 @@ class GivenWays:
             one.denied = asked
         return True
 
-    def to_tell(self, flying: Collection[int]) -> set[int]:
-        """Which drones are told: of several all that fly or have ever spoken, of one who asks.
+    def recipients(self, flying: Collection[int]) -> set[int]:
+        """Which drones get reports: of several all that fly or ever sent one, of one that asks.
 
-        A drone asks for each way once it was told of another. Were it told nothing when that
-        one has landed or is silent, or the station has begun anew, it would get none any more.
+        A drone that ever got a report asks for each way: without further reports, also when
+        the other has landed or the station has restarted, it would get no way any more.
 
         `flying`: vehicles that fly by commands, as far as is heard.
         """
@@ -93,8 +93,8 @@ class GivenWays:
             return together
         return {vehicle for vehicle, one in self._members.items() if one.course.asked}
 
-    def told_to(self, vehicle: int, now_s: float) -> list[Neighbour]:
-        """What a drone is to be told, one of each other; where none has spoken, that alone."""
+    def reports_for(self, vehicle: int, now_s: float) -> list[Neighbour]:
+        """Reports for a drone, one of each other; without others one without a course."""
         own = self._members.get(vehicle)
         answer = Neighbour(
             vehicle=0,

@@ -19,11 +19,11 @@ from uavrt.nmea import BAUD, Sentence, SentenceParser
 log = get_logger()
 
 SILENCE_S = 10.0
-"""A receiver tells its place once a second; after this it is no longer known."""
+"""Age after which a place is unknown [s]; a receiver sends it once a second."""
 
 
 class MyPlace:
-    """The place of this computer, while something tells it.
+    """The place of this computer, while a GPS receiver reports it.
 
     `clock_s`: seconds of a clock that never steps.
     """
@@ -40,13 +40,13 @@ class MyPlace:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude [deg]; None when nobody tells, or nobody has for long."""
+        """Latitude and longitude [deg]; None when unknown or too old."""
         known = self._clock_s() - self._heard_s < SILENCE_S
         return self._place if known else None
 
     @property
     def age_s(self) -> float:
-        """Since the place was told."""
+        """Age of the place [s]."""
         return self._clock_s() - self._heard_s
 
     @property

@@ -64,11 +64,7 @@ class Links:
             self._listeners.remove(listener)
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all; return the tasks that go on trying where that was not possible.
-
-        Raises `ConfigError`: an address is none.
-        Raises `LinkError`: None could be opened.
-        """
+        """Open all, or at least one; return the tasks that go on trying to open the others."""
         self._links = [None] * len(addresses)
         self._writers = [self._writer(number) for number in range(len(addresses))]
         failed: dict[int, LinkError] = {}
@@ -140,18 +136,21 @@ class Ways:
         self._clock_ns = clock_ns
         self._drone_heard_ns: dict[int, int] = {}
         self._pulses_by = 0
+        self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
         """Of each system the link on which it is taken, and when it was heard there."""
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """Those that are open."""
-        return self._shared.open_ones
+        """Those that are open, once this drone's station has opened or joined them."""
+        return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
         """Open all, or with no address join those that others open; see `Links.open`."""
         self._shared.listen(self._hear)
-        return await self._shared.open(addresses) if addresses else []
+        opening = await self._shared.open(addresses) if addresses else []
+        self._joined = True
+        return opening
 
     async def close(self, *, opened: bool = True) -> None:
         """Hear no more; close all that were `opened` by this one."""
@@ -160,7 +159,7 @@ class Ways:
             await self._shared.close()
 
     def send(self, message: Message, link: int | None = None) -> None:
-        """Send by one link, the best one unless told."""
+        """Send by one link; None: by the best one."""
         number = self.best()[0] if link is None else link
         if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
             system_id = getattr(message, "target_system", 0)
@@ -186,7 +185,7 @@ class Ways:
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send by the link that the drone uses for pulses, if it has used one lately."""
+        """Send by the link that the drone uses for pulses, if that is alive."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections import Counter, deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from uavrt.commands import CommandId, Generation, SystemState
@@ -162,6 +163,10 @@ class GroundProtocol:
         """Listen again for the vehicle: the operator has chosen another."""
         self.drone, self._heard_ns = None, 0
 
+    def set_tags(self, tags: Iterable[Tag]) -> None:
+        """Set the tags that the drone holds."""
+        self.tags = {tag.tag_id: tag for tag in tags}
+
     def present(self, now_ns: int) -> bool:
         """True while the drone's component 191 is heard."""
         return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
@@ -240,7 +245,7 @@ class GroundProtocol:
         if isinstance(message, dialect.Statustext):
             texts = self._texts.add(peer.place, message)
             return [StatusText(severity=severity, text=text) for severity, text in texts]
-        if isinstance(message, dialect.Tunnel) and self._for_us(message):
+        if isinstance(message, dialect.Tunnel) and _is_for(self.own, message):
             return self._tunnel(message.payload_type, message.payload[: message.payload_length])
         return []
 
@@ -282,11 +287,6 @@ class GroundProtocol:
     def _log_bad(self, event: str, error: TunnelError) -> None:
         count = self.counters["bad_payloads"]
         log.seldom(count, event, reason=error.message, payload=error.payload.hex())
-
-    def _for_us(self, message: dialect.Tunnel) -> bool:
-        return message.target_system in (0, self.own.system_id) and (
-            message.target_component in (0, self.own.component_id)
-        )
 
     def _tunnel(self, payload_type: int, payload: bytes) -> list[GroundEvent]:
         plain = payload_type == PAYLOAD_TYPE
@@ -336,18 +336,12 @@ class GroundProtocol:
                     step_count=message.step_count,
                     message=message.message,
                 )
-            case AckG2():
+            case AckG0() | AckG1() | AckG2():
                 return Acknowledged(
                     command=message.acked_command,
                     accepted=message.result == SUCCESS,
-                    message=message.message,
-                    request_id=message.request_id,
-                )
-            case AckG0() | AckG1():
-                return Acknowledged(
-                    command=message.acked_command,
-                    accepted=message.result == SUCCESS,
-                    message=message.message if isinstance(message, AckG1) else "",
+                    message="" if isinstance(message, AckG0) else message.message,
+                    request_id=message.request_id if isinstance(message, AckG2) else 0,
                 )
             case Heartbeat() | HeartbeatG2v1() | HeartbeatG2():
                 temperature = message.cpu_temperature_c
@@ -357,3 +351,9 @@ class GroundProtocol:
                 )
             case _:
                 return None
+
+
+def _is_for(own: Peer, message: dialect.Tunnel) -> bool:
+    return message.target_system in (0, own.system_id) and (
+        message.target_component in (0, own.component_id)
+    )

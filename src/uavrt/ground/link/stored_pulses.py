@@ -1,6 +1,6 @@
 """Which pulses a ground station's directory holds, for receipts that survive a restart.
 
-``received.bin`` stands beside the stored pulses: the store's number in its first 8 bytes, then
+``received.bin`` has the store's number in its first 8 bytes, then
 8 bytes for each pulse, its payload's hash, written after the pulse itself. A directory without
 it is a new store, and the drone sends it the whole flight.
 """

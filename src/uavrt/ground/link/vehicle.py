@@ -21,7 +21,7 @@ ASKED_HZ = 5.0
 FACTS_AGAIN_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
-"""As for the drone: after this there is no link whose loss could be told."""
+"""Silence after which the loss of the link is unknown."""
 UNKNOWN_HEADING = 65_535
 UNKNOWN_VOLTAGE = 65_535
 UNKNOWN_SPACE = 0xFFFF_FFFF
@@ -83,12 +83,12 @@ class VehicleWatch:
         self.pose: Pose | None = None
         """The vehicle's latest pose, on the ground's clock."""
         self.home: tuple[float, float] | None = None
-        """Latitude and longitude of where it took off, as the autopilot tells."""
+        """Latitude and longitude of where it took off, as the autopilot reports."""
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None
         self.disk_free_mb: float | None = None
-        """Where the drone records its flights; None before it has told."""
+        """Where the drone records its flights; None before its first report."""
         self.round_trip_s: float | None = None
         """Of the last ping to the drone's companion and back."""
         self.loss = LossMeter()
@@ -99,7 +99,7 @@ class VehicleWatch:
         self._ping_number = 0
 
     def receive(self, frame: Frame, now_ns: int) -> Pose | None:
-        """Handle a frame; return the vehicle's pose when it tells a new position."""
+        """Handle a frame; return the vehicle's pose when it has a new position."""
         message = frame.message()
         if isinstance(message, dialect.RadioStatus):
             self._take_radio(message)
@@ -156,8 +156,9 @@ class VehicleWatch:
         if not (silent and self.present(now_ns) and now_ns - self._asked_ns > ASK_AGAIN_NS):
             return []
         self._asked_ns = now_ns
+        assert self.autopilot is not None
         return [
-            self._command(MavCmd.SET_MESSAGE_INTERVAL, float(message_id), 1e6 / ASKED_HZ)
+            _interval(self.autopilot, message_id, 1e6 / ASKED_HZ)
             for message_id in (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID)
         ]
 
@@ -167,31 +168,12 @@ class VehicleWatch:
         if not (due and self.present(now_ns)):
             return []
         self._facts_asked_ns = now_ns
-        return [
-            self._command(MavCmd.REQUEST_MESSAGE, float(message_id), 0.0)
-            for message_id in (
-                dialect.AutopilotVersion.ID,
-                dialect.HomePosition.ID,
-                dialect.SysStatus.ID,
-            )
-        ] + self._ask_to_tell_landings()
-
-    def _ask_to_tell_landings(self) -> list[Message]:
-        """Ask an autopilot that does not say whether it stands on the ground to say it."""
-        if self.landed is not None:
-            return []
-        number = float(dialect.ExtendedSysState.ID)
-        return [self._command(MavCmd.SET_MESSAGE_INTERVAL, number, 1e6)]
-
-    def _command(self, command: MavCmd, first: float, second: float) -> Message:
         assert self.autopilot is not None
-        return dialect.CommandLong(
-            target_system=self.autopilot.system_id,
-            target_component=self.autopilot.component_id,
-            command=command,
-            param1=first,
-            param2=second,
-        )
+        facts = (dialect.AutopilotVersion.ID, dialect.HomePosition.ID, dialect.SysStatus.ID)
+        messages = [request_message(self.autopilot, message_id) for message_id in facts]
+        if self.landed is None:
+            messages.append(_interval(self.autopilot, dialect.ExtendedSysState.ID, 1e6))
+        return messages
 
     def ping(self, now_ns: int) -> Message:
         """Write the next ping, to everyone: the drone's companion answers."""
@@ -270,11 +252,27 @@ class VehicleWatch:
         self.disk_free_mb = (whole_mib - used_mib) * 2**20 / 1e6 if known else None
 
     def _take_ping(self, message: dialect.Ping, now_ns: int) -> None:
-        if (message.target_system, message.target_component) != (
-            self._own.system_id,
-            self._own.component_id,
-        ):
+        if self._own != Peer(message.target_system, message.target_component):
             return
         passed_ns = now_ns - message.time_usec * 1000
         if message.seq == self._ping_number & 0xFFFFFFFF and passed_ns >= 0:
             self.round_trip_s = passed_ns / NANOSECONDS_PER_SECOND
+
+
+def request_message(peer: Peer, message_id: int) -> Message:
+    """Ask for a message once."""
+    return _command(peer, MavCmd.REQUEST_MESSAGE, message_id)
+
+
+def _interval(peer: Peer, message_id: int, interval_us: float) -> Message:
+    return _command(peer, MavCmd.SET_MESSAGE_INTERVAL, message_id, interval_us)
+
+
+def _command(peer: Peer, command: MavCmd, first: float, second: float = 0.0) -> Message:
+    return dialect.CommandLong(
+        target_system=peer.system_id,
+        target_component=peer.component_id,
+        command=command,
+        param1=float(first),
+        param2=second,
+    )

@@ -16,8 +16,8 @@ FOREIGN_NS = ns_from_s(60.0)
 """An answer with another unique number counts so long: three questions."""
 MAX_OTHERS = 16
 APART_M, SAME_M, TIMES = 40.0, 15.0, 4
-"""A station is told several times a second: one that is so far off at once, and then back, so
-many times one after the other, is two."""
+"""Places that jump by the first distance and return within the second, this many times in a
+row, come from two stations under one number."""
 
 
 class VehicleIdentity:
@@ -54,7 +54,7 @@ class VehicleIdentity:
         return False
 
     def take_version(self, message: dialect.AutopilotVersion, now_ns: int) -> None:
-        """Take the unique number that our vehicle's autopilot tells."""
+        """Take the unique number of our vehicle's autopilot."""
         uid = unique_number(message)
         if uid is None:
             return
@@ -74,7 +74,7 @@ class VehicleIdentity:
 
 
 class _Places:
-    """Tells one that moves from two that stand: these go back to where they were, each time."""
+    """Distinguishes one station that moves from two that stand: places of two alternate."""
 
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
@@ -94,7 +94,7 @@ class _Places:
 
 
 def unique_number(message: dialect.AutopilotVersion) -> str | None:
-    """The autopilot's unique number, hexadecimal; None where it tells none."""
+    """The autopilot's unique number, hexadecimal; None if it sends none."""
     if any(message.uid2):
         return bytes(message.uid2).rstrip(b"\0").hex()
     return f"{message.uid:016x}" if message.uid else None

@@ -11,11 +11,12 @@ from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.link.vehicle import request_message
 from uavrt.guidance.manners import Manners, manners_of
 from uavrt.guidance.mission import MissionItem, difference, fence_of, survey_items
 from uavrt.guidance.orders import Limits, Order
 from uavrt.mavlink import dialect
-from uavrt.mavlink.dialect import MavCmd, MavComponent
+from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
@@ -54,6 +55,9 @@ class _Autopilot:
 class VehicleMissions:
     """Uploads and downloads, one at a time.
 
+    Raises `CommandRefused` if the vehicle flies a mission, is unknown or refuses, and
+    `LinkError` if it does not answer.
+
     `system_id`: of the vehicle that is served; None while that is not known.
     """
 
@@ -64,7 +68,7 @@ class VehicleMissions:
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
         self._homes: dict[int, tuple[float, float]] = {}
-        """As told since they were asked for."""
+        """Reported since they were last requested."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -106,10 +110,6 @@ class VehicleMissions:
         """Give the vehicle a survey that keeps to its fence and comes home within it.
 
         The way is checked by `call`, which calls a function outside of the event loop.
-
-        Raises `PlanError`: it does not; or it is no survey that can be a mission.
-        Raises `CommandRefused`, `FormatError`, `LinkError`: as of `upload` and `fence`; or the
-        vehicle reports no home.
         """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
@@ -120,16 +120,12 @@ class VehicleMissions:
         return await self.upload(await call(survey_items, order, known, home))
 
     async def home(self) -> tuple[float, float]:
-        """Ask the vehicle for its home.
-
-        Raises `CommandRefused`: it reports none, or is not known.
-        Raises `LinkError`: it is not heard.
-        """
+        """Ask the vehicle for its home; raises `CommandRefused` or `LinkError`."""
         self._homes.clear()
         asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
         for _ in range(asks):
             peer, _manners = self._vehicle()
-            self._send(_home_request(peer))
+            self._send(request_message(peer, dialect.HomePosition.ID))
             for _ in range(round(ASKS_EVERY_S / POLL_S)):
                 await asyncio.sleep(POLL_S)
                 if peer.system_id in self._homes:
@@ -140,12 +136,7 @@ class VehicleMissions:
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
-        """Give the vehicle a mission in place of its own, and read it back.
-
-        Raises `CommandRefused`: it flies a mission, is not known, does not take this one or
-        holds another then.
-        Raises `LinkError`: it does not answer.
-        """
+        """Give the vehicle a mission in place of its own, and read it back."""
         async with self._busy:
             peer, manners = self._vehicle()
             self._check_mode(manners)
@@ -170,12 +161,7 @@ class VehicleMissions:
         )
 
     async def fence(self) -> VehicleFence:
-        """Read the vehicle's fence.
-
-        Raises `CommandRefused`: it reports none, or is not known.
-        Raises `FormatError`: what it sends is no fence.
-        Raises `LinkError`: it does not answer.
-        """
+        """Read the vehicle's fence; raises `CommandRefused`, `FormatError` or `LinkError`."""
         async with self._busy:
             peer, _ = self._vehicle()
             download = MissionDownload("fence", peer, self._own)
@@ -249,12 +235,3 @@ class VehicleMissions:
     def _send_all(self, messages: Sequence[Message]) -> None:
         for message in messages:
             self._send(message)
-
-
-def _home_request(vehicle: Peer) -> Message:
-    return dialect.CommandLong(
-        target_system=vehicle.system_id,
-        target_component=vehicle.component_id,
-        command=MavCmd.REQUEST_MESSAGE,
-        param1=float(dialect.HomePosition.ID),
-    )

@@ -63,10 +63,7 @@ class AntennaChoice:
 
     @property
     def read_as(self) -> ReadAs:
-        """For the estimator.
-
-        Raises `FormatError`: there is no such elevation file.
-        """
+        """For the estimator; raises `FormatError`."""
         return ReadAs(
             antenna=self.pattern,
             offset_deg=self.offset_deg,
@@ -123,7 +120,7 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Turns of the same drone's past flights beside this one, which show the antenna.
+        """Turns of the same drone's past flights, which show the antenna.
 
         They are read once for each flight and antenna; a flight that cannot be read is taught
         nothing.
@@ -147,14 +144,14 @@ class Estimator:
         antenna: AntennaChoice,
         from_drone: Sequence[LiveBearing] = (),
         tags: Sequence[Tag] = (),
-        beside: Sequence[Estimates] = (),
+        companions: Sequence[Estimates] = (),
         past: Sequence[HeardInTurn] = (),
         name: str = "this vehicle",
         listed: Sequence[Tag] = (),
     ) -> Estimates:
         """Estimate all bearings and positions of a flight as it is now.
 
-        What other vehicles have found `beside` goes into the positions where the number means a
+        What the `companions` have found goes into the positions where the number means a
         tag of the same frequency: as heard, else as searched for, else as `listed` here. To
         others this vehicle's own strengths are those of its `name`. Turns of `past` flights
         teach the antenna's pattern too.
@@ -175,11 +172,11 @@ class Estimator:
                 for one in from_drone
                 if not _on_ground(one, columns.on_ground_ns)
             ],
-            others=[one.found for one in beside],
+            others=[one.found for one in companions],
             cache=self._cache,
             at_once=LIVE_AT_ONCE if columns.goes_on and self._shown else {},
         )
-        others = [each for one in beside for each in one.found.bearings]
+        others = [each for one in companions for each in one.found.bearings]
         bearings = found.found.bearings
         placed = [one for one in found.positions if one.position is not None]
         shown = {

@@ -170,7 +170,7 @@ class FlightLibrary:
     def summaries(self) -> list[FlightSummary]:
         """Get all flights, newest first; what cannot be read is left out.
 
-        Beside the drone's flights its notes tell which was flown last, else the times.
+        With the drone's flights its notes decide which was flown last, else the times.
         """
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
@@ -206,10 +206,7 @@ class FlightLibrary:
         return True
 
     def path(self, flight_id: str) -> Path:
-        """Get the directory of a flight.
-
-        Raises `UsageError`: there is no such flight; a name with a path in it never is one.
-        """
+        """Get the directory of a flight; raises `UsageError`."""
         path = self.directory / flight_id
         plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
         # Not by Path.is_file, which raises for names that no file can have.
@@ -218,11 +215,7 @@ class FlightLibrary:
         return path
 
     def summary(self, flight_id: str) -> FlightSummary:
-        """Get one line of the list.
-
-        Raises `UsageError`: there is no such flight.
-        Raises `FormatError`: it is damaged.
-        """
+        """Get one line of the list; raises `UsageError` or `FormatError`."""
         path = str(self.path(flight_id))
         stamp = stamp_of(path)
         if (known := self._known.get(flight_id, stamp)) is not None:
@@ -281,7 +274,7 @@ class FlightLibrary:
         if read is None or read[0] != stamp:
             try:
                 read = self._quiet[flight_id] = (stamp, read_quiet_noise_db(path))
-            except FormatError:  # damaged, or only busy: the next time tells
+            except FormatError:  # damaged, or only busy: read again next time
                 return None
         return read[1]
 
@@ -293,11 +286,7 @@ class FlightLibrary:
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Mark a flight and its copies as never to be removed, or take the mark away.
-
-        Raises `UsageError`: there is no such flight.
-        Raises `RecordingError`: the disk does not take it.
-        """
+        """Mark a flight and its copies as never to be removed, or take the mark away."""
         self.path(flight_id)
         flown = flown_name(flight_id)
         for flight in self.directory.iterdir():
@@ -305,10 +294,7 @@ class FlightLibrary:
                 _mark(FlightLayout(flight).star, starred)
 
     def columns(self, flight_id: str) -> Columns:
-        """Read the pulses and poses of a flight.
-
-        Raises `UsageError`, `FormatError`: there is no such flight, or it is damaged.
-        """
+        """Read the pulses and poses of a flight; raises `UsageError` or `FormatError`."""
         with self._database(flight_id) as database:
             spans = told_in(database).spans()
             first = database.execute(_SELECT_TAKEOFF).fetchone()
@@ -330,11 +316,7 @@ class FlightLibrary:
             return _columns(database, "poses", _SELECT_POSES, 8)
 
     def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
-        """Get some pulses as records, in the order in which they were stored.
-
-        `flight_id`: which flight.
-        `after`, `limit`: how many to pass over, and how many to give at most.
-        """
+        """Get at most `limit` pulses as records, as stored, without the first `after`."""
         with self._database(flight_id) as database:
             rows = database.execute(
                 f"{_SELECT_RECORDS} LIMIT ? OFFSET ?", (limit, after)
@@ -419,8 +401,8 @@ def _mark(star: Path, starred: bool) -> None:
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
     """Whether a flight may be of this vehicle."""
-    told = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
-    return None in (told, system_id) or told == str(system_id)
+    number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
+    return None in (number, system_id) or number == str(system_id)
 
 
 def _starred(flight: FlightSummary, path: str) -> FlightSummary:

@@ -87,10 +87,7 @@ class KnownFlights:
         self._changed = True
 
     def write(self, flight_ids: set[str]) -> None:
-        """Keep what is known of these flights, if it has changed, and forget others.
-
-        Raises `OSError`: there is no room.
-        """
+        """Keep what is known of these flights, if it has changed, and forget others."""
         gone = self._flights.keys() - flight_ids
         if not self._changed and not gone:
             return

@@ -48,7 +48,7 @@ class GroundSettings:
     """That all headings of a flight share: compass, mounting, declination; one standard
     deviation. 0 trusts the headings."""
     height_error_m: float = HEIGHT_SIGMA_M
-    """With a monopole: that all heights over a tag share, likewise."""
+    """With a monopole: that all heights over a tag share; one standard deviation."""
     gain: int | None = None
     """None leaves the gain to the drone's own settings."""
     center_frequency_mhz: float | None = None
@@ -57,13 +57,13 @@ class GroundSettings:
     """How far an animal goes in a minute (one axis, one standard deviation), in steps that
     forget each other: positions grow by it with their age. 0 for one that rests."""
     my_place: str = ""
-    """Where a GPS receiver tells this computer's place by NMEA; empty: nowhere."""
+    """Address of this computer's GPS receiver (NMEA); empty: none."""
     vehicle_name: str = ""
-    """What the operator calls the vehicle, shown beside its number."""
+    """The operator's name for the vehicle, shown with its number."""
     dem: str = ""
     """Elevation file or folder on this computer; empty: the ground is taken as level."""
     archive: str = ""
-    """Directory that `uavrt batch` wrote; empty: `archive` beside the flights, if there."""
+    """Directory that `uavrt batch` wrote; empty: `archive` among the flights, if there."""
     left_out: tuple[int, ...] = ()
     """Numbers of tags in the table that are not flown with."""
 
@@ -79,10 +79,7 @@ class GroundSettings:
         )
 
     def changed(self, values: object) -> "GroundSettings":
-        """Apply changes of the page.
-
-        Raises `UsageError`: a value is wrong; the text names it.
-        """
+        """Apply changes of the page; raises `UsageError`."""
         if not isinstance(values, dict):
             raise UsageError("settings must be an object")
         unknown = set(values) - set(asdict(self))
@@ -151,10 +148,7 @@ class GroundStore:
         """What of listed tags was corrected, with the old values; the newest last."""
 
     def of_vehicle(self, system_id: int) -> "GroundStore":
-        """Get the store of a further vehicle; at first with these settings and tags.
-
-        Raises `ConfigError`: it cannot be written.
-        """
+        """Get the store of a further vehicle; at first with these settings and tags."""
         known = (self.directory / "vehicles" / str(system_id)).exists()
         store = GroundStore(self.directory, system_id, self)
         if not known:
@@ -164,11 +158,11 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """What `uavrt batch` wrote: where it is set, else beside the flights; None: nothing."""
+        """What `uavrt batch` wrote: where it is set, else among the flights; None: nothing."""
         if self.settings.archive:
             return Path(self.settings.archive)
-        beside = self.directory / "archive"
-        return beside if beside.is_dir() else None
+        usual = self.directory / "archive"
+        return usual if usual.is_dir() else None
 
     @property
     def chosen_tags(self) -> tuple[Tag, ...]:
@@ -197,7 +191,7 @@ class GroundStore:
         self.tags = tags
 
     def correct_tag(self, correction: TagCorrection) -> None:
-        """Correct what was measured of a tag in the list, and keep the old values beside it.
+        """Correct what was measured of a tag in the list, and keep the old values, too.
 
         Raises `ConfigError`, `OSError`: one of both cannot be written, or the tag is gone.
         """

@@ -3,7 +3,7 @@
 import hashlib
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -164,11 +164,11 @@ def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
     None where no file has a column that says so.
     """
     table = [cells for text in files.values() for cells in read_csv(text)]
-    told = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
+    found = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
     numbers = [
-        number_in_cell(cells.get("id")) for cells in told if not is_selected(cells["selected"])
+        number_in_cell(cells.get("id")) for cells in found if not is_selected(cells["selected"])
     ]
-    return tuple(sorted({int(one) for one in numbers if one is not None})) if told else None
+    return tuple(sorted({int(one) for one in numbers if one is not None})) if found else None
 
 
 def _own_row(cells: Mapping[str, str]) -> Row:
@@ -178,10 +178,7 @@ def _own_row(cells: Mapping[str, str]) -> Row:
 
 
 def export_text(tags: Sequence[Tag], name: str) -> str:
-    """Write tags as ``tags.toml``, ``TagInfo.txt`` or ``tags.csv``.
-
-    Raises `UsageError`: there is no such format, or it cannot hold these tags.
-    """
+    """Write tags as ``tags.toml``, ``TagInfo.txt`` or ``tags.csv``; raises `UsageError`."""
     if name in ("tags.toml", "TagInfo.txt"):
         return tags_as_text(tags, Path(name).suffix)
     if name == "tags.csv":
@@ -203,35 +200,36 @@ def read_table(path: Path) -> tuple[Tag, ...]:
 
 
 def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDraft:
-    draft = TagDraft(line=index + 1, gaps=_gaps(row, index, found))
+    def fault(field: str, text: str) -> None:
+        found.append(FieldFault(row=index, field=field, text=text))
+
+    draft = TagDraft(line=index + 1, gaps=_gaps(row, index + 1, fault))
     coded = draft.gaps is not None
     for field, quantity in FIELDS.items():
         written = row.get(field, "")
         if written is None or str(written).strip() == "":
             if field in (REQUIRED_OF_CODES if coded else REQUIRED):
-                found.append(FieldFault(row=index, field=field, text="is needed"))
+                fault(field, "is needed")
             continue
         percent = str(written).rstrip().endswith("%") and field == "false_alarm_percent"
         if coded and field == "second_interval_ms":
-            text = "must be empty: a coded tag has one interval, from burst to burst"
-            found.append(FieldFault(row=index, field=field, text=text))
+            fault(field, "must be empty: a coded tag has one interval, from burst to burst")
             continue
         number = number_in_cell(str(written).rstrip().rstrip("%") if percent else written)
         if number is None:
-            found.append(FieldFault(row=index, field=field, text="is not a number"))
+            fault(field, "is not a number")
             continue
         if field == "false_alarm_percent":
             most = 100.0 * MAX_FALSE_ALARM_PROBABILITY
             if 0.0 < number < LEAST_BARE_PERCENT and not percent:
-                text = (
+                fault(
+                    field,
                     f"is {number:g} % meant? Then write it with its sign; "
-                    f"the probability {number:g} is {100.0 * number:g} %"
+                    f"the probability {number:g} is {100.0 * number:g} %",
                 )
-                found.append(FieldFault(row=index, field=field, text=text))
                 continue
             if not 0.0 < number <= most:
-                text = f"must be above 0 and at most {most:g} %"
-                found.append(FieldFault(row=index, field=field, text=text))
+                fault(field, f"must be above 0 and at most {most:g} %")
                 continue
             number /= 100.0
         unit = "MHz" if quantity == "frequency" else ""
@@ -240,35 +238,31 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
     if name is not None and str(name).strip():
         draft.name = str(name).strip()
         if len(draft.name) > MAX_NAME or not draft.name.isprintable():
-            text = f"must be at most {MAX_NAME} printable characters"
-            found.append(FieldFault(row=index, field="name", text=text))
+            fault("name", f"must be at most {MAX_NAME} printable characters")
     return draft
 
 
 def _gaps(
-    row: Mapping[str, Any], index: int, found: list[FieldFault]
+    row: Mapping[str, Any], line: int, fault: Callable[[str, str], None]
 ) -> tuple[Entry, ...] | None:
     """Read the gaps of a coded tag; None for one that beeps."""
     kind = str(row.get("kind") or "").strip().lower()
     written = str(row.get("gaps_ms") or "").strip().strip("[]")
     if kind and kind not in KINDS:
-        text = f"must be {' or '.join(KINDS)}"
-        found.append(FieldFault(row=index, field="kind", text=text))
+        fault("kind", f"must be {' or '.join(KINDS)}")
         return ()
     if kind == "beeping" or (not kind and not written):
         if written:
-            text = "must be empty: a tag that beeps has no gaps"
-            found.append(FieldFault(row=index, field="gaps_ms", text=text))
+            fault("gaps_ms", "must be empty: a tag that beeps has no gaps")
         return None
     entries = []
     apart = written.replace(",", " ") if "." in written else written
     for part in apart.replace(";", " ").split() or [""]:
         number = number_in_cell(part.rstrip(","))
         if number is None:
-            text = "must be numbers between spaces" if written else "is needed"
-            found.append(FieldFault(row=index, field="gaps_ms", text=text))
+            fault("gaps_ms", "must be numbers between spaces" if written else "is needed")
             return ()
-        entries.append(Entry(number=number, label="gaps_ms", line=index + 1))
+        entries.append(Entry(number=number, label="gaps_ms", line=line))
     return tuple(entries)
 
 

@@ -1,4 +1,4 @@
-"""Who may keep a connection to the page open: so many by client, and none without a request.
+"""Limit open connections to the page: for each client, and for those without a request.
 
 The page shares its process with the link to the drone and with the flight's files.
 Connections may take only a part of the descriptors, and each client only some of that. A
@@ -23,7 +23,7 @@ MOST_BY_CLIENT = 64
 SILENT_S = 10.0
 """A connection on which no whole request has come is closed after this time [s]."""
 _SHARE_OF_FILES = 4
-"""One in so many descriptors may be a connection's; the link and the flight have the others."""
+"""Descriptors for each that connections may take: link and flight have the others."""
 _AT_ONCE = 16
 """Connections taken between two turns of the event loop."""
 
@@ -66,10 +66,7 @@ class ListeningSocket(socket.socket):
         """Connections that were closed at once, or made room for others."""
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Take the next connection that may stay.
-
-        Raises `BlockingIOError`: None is waiting, or it is the event loop's turn.
-        """
+        """Take the next connection that may stay; raises `BlockingIOError`."""
         self._taken += 1
         try:
             if self._taken > _AT_ONCE:
@@ -127,7 +124,7 @@ class ListeningSocket(socket.socket):
 
 
 class AskingProtocol(H11Protocol):
-    """HTTP that tells its listening socket which connections have asked something."""
+    """HTTP that reports to its listening socket which connections have made a request."""
 
     doors: ListeningSocket | None = None
 

@@ -1,7 +1,6 @@
-"""Routes beside those of `uavrt.ground.web.api`: the drone's flights, and waterfalls."""
+"""Routes of the drone's flights, and of waterfalls."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -9,7 +8,7 @@ from starlette.requests import Request
 
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.api import json_body
+from uavrt.ground.web.routing import Row, json_body, json_object
 from uavrt.ground.web.waterfalls import LiveWaterfall, recorded_picture, recordings, tag_of
 
 
@@ -21,23 +20,24 @@ class ExtraApi:
 
     def __init__(self, session: GroundSession) -> None:
         self._session = session
-        self._live = LiveWaterfall(lambda record: session.hub.send("waterfall", record))
+        self._live = LiveWaterfall(
+            lambda record: session.vehicle.feed.send("waterfall", record)
+        )
 
-    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
-        """Path below ``/api``, method, handler."""
+    def routes(self) -> list[Row]:
+        """List the routes."""
         return [
-            ("/drone/flights", "POST", self.drone_flights),
-            ("/drone/download", "GET", self.download),
-            ("/drone/download", "POST", self.start_download),
-            ("/drone/download", "DELETE", self.stop_download),
-            ("/flights/{flight_id}/recordings", "GET", self.recordings),
-            ("/flights/{flight_id}/waterfall", "GET", self.waterfall),
-            ("/waterfall", "POST", self.live_waterfall),
+            Row("/drone/flights", "POST", self.drone_flights, commands=True),
+            Row("/drone/download", "GET", self.download),
+            Row("/drone/download", "POST", self.start_download, commands=True),
+            Row("/drone/download", "DELETE", self.stop_download, commands=True),
+            Row("/flights/{flight_id}/recordings", "GET", self.recordings),
+            Row("/flights/{flight_id}/waterfall", "GET", self.waterfall),
+            Row("/waterfall", "POST", self.live_waterfall, commands=True),
         ]
 
     async def drone_flights(self, request: Request) -> Any:
         """The flights on the drone, requested from it now over the radio."""
-        self._check_commander(request)
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:
@@ -46,7 +46,6 @@ class ExtraApi:
 
     async def start_download(self, request: Request) -> Any:
         """Fetch a flight: ``{"flight_id": …, "everything": false}``."""
-        self._check_commander(request)
         wanted = await json_body(request)
         if not isinstance(wanted, dict):
             raise UsageError("a download must be an object with a flight_id")
@@ -58,12 +57,8 @@ class ExtraApi:
 
     async def stop_download(self, request: Request) -> Any:
         """End the download that is under way."""
-        self._check_commander(request)
         await self._session.downloads.stop()
         return self._session.downloads.record()
-
-    def _check_commander(self, request: Request) -> None:
-        self._session.commander.check(request.headers.get("x-page"))
 
     async def recordings(self, request: Request) -> Any:
         """Recordings of samples of a flight that lie here."""
@@ -88,9 +83,7 @@ class ExtraApi:
 
     async def live_waterfall(self, request: Request) -> Any:
         """Listen to a channel: ``{"address": "udp://127.0.0.1:20000"}``; empty ends it."""
-        self._check_commander(request)
-        wanted = await json_body(request)
-        address = wanted.get("address", "") if isinstance(wanted, dict) else ""
+        address = (await json_object(request)).get("address", "")
         await self._live.listen(str(address))
         return {"address": self._live.address}
 

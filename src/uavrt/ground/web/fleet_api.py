@@ -10,7 +10,8 @@ from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.link.commands import Commands
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.api import FOR_ALL, Answer, json_body
+from uavrt.ground.web.api import FOR_ALL
+from uavrt.ground.web.routing import Answer, Row, json_object, page_of
 
 TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
     "send_tags": Commands.send_tags,
@@ -29,13 +30,13 @@ class FleetApi:
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
 
-    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
-        """Path below ``/api``, method, handler."""
+    def routes(self) -> list[Row]:
+        """List the routes."""
         return [
-            ("/vehicles", "GET", self.vehicles),
-            ("/vehicles", "POST", self.serve),
-            ("/vehicles/{number:int}", "DELETE", self.leave),
-            ("/vehicles/commands/{name}", "POST", self.command),
+            Row("/vehicles", "GET", self.vehicles),
+            Row("/vehicles", "POST", self.serve, commands=True),
+            Row("/vehicles/{number:int}", "DELETE", self.leave, commands=True),
+            Row("/vehicles/commands/{name}", "POST", self.command),
         ]
 
     async def vehicles(self, request: Request) -> Any:
@@ -44,9 +45,7 @@ class FleetApi:
 
     async def serve(self, request: Request) -> Any:
         """Serve another, too: ``{"system_id": 2}``."""
-        self._fleet.first.commander.check(request.headers.get("x-page"))
-        wanted = await json_body(request)
-        number = wanted.get("system_id") if isinstance(wanted, dict) else None
+        number = (await json_object(request)).get("system_id")
         if not isinstance(number, int) or isinstance(number, bool):
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
         await self._fleet.serve(number)
@@ -54,7 +53,6 @@ class FleetApi:
 
     async def leave(self, request: Request) -> Any:
         """Serve one no more; what it does goes on."""
-        self._fleet.first.commander.check(request.headers.get("x-page"))
         await self._fleet.leave(int(request.path_params["number"]))
         return self._fleet.records()
 
@@ -63,7 +61,7 @@ class FleetApi:
 
         What keeps one vehicle from it keeps no other: a page commands those that it may.
         """
-        name, page = request.path_params["name"], request.headers.get("x-page")
+        name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
             known = ", ".join(TO_ALL)
             return Answer(404, {"error": f"there is no command to all {name[:40]!r}: {known}"})
@@ -73,12 +71,15 @@ class FleetApi:
         return {"accepted": all(one["accepted"] for one in answers), "answers": answers}
 
 
-async def _answer(session: GroundSession, name: str, page: str | None) -> dict[str, Any]:
+async def _answer(session: GroundSession, action: str, page: str | None) -> dict[str, Any]:
     """One vehicle's answer, under the rules of a command to it alone."""
-    who = {"system_id": session.identity.system_id, "name": session.store.settings.vehicle_name}
+    who = {
+        "system_id": session.vehicle.identity.system_id,
+        "name": session.vehicle.store.settings.vehicle_name,
+    }
     try:
-        if name not in FOR_ALL:
+        if action not in FOR_ALL:
             session.commander.check(page)
-        return who | {"accepted": True, "message": await TO_ALL[name](session.commands)}
+        return who | {"accepted": True, "message": await TO_ALL[action](session.commands)}
     except UavrtError as error:
         return who | {"accepted": False, "message": str(error)}

@@ -1,7 +1,6 @@
 """Routes that list flights: those on this computer, and those of an archive."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -13,8 +12,8 @@ from uavrt.batch.flight_search import find_flights
 from uavrt.errors import FormatError
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store.known_flights import FlightChoice
-from uavrt.ground.web.api import whole_number
 from uavrt.ground.web.foreign_worker import ForeignWorker
+from uavrt.ground.web.routing import Row, whole_number
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOST = 500
@@ -25,7 +24,7 @@ _ALL = 10**9
 
 
 class FlightListApi:
-    """Flights by tag and day, so many at a time.
+    """Flights by tag and day, some at a time.
 
     `session`: whose flights they are.
     `worker`: reads the archive, which may be damaged or come from others.
@@ -34,12 +33,12 @@ class FlightListApi:
     def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
         self._session, self._worker = session, worker
 
-    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
-        """Path below ``/api``, method, handler."""
+    def routes(self) -> list[Row]:
+        """List the routes."""
         return [
-            ("/flights", "GET", self.flights),
-            ("/found-flights", "GET", self.found),
-            ("/archive", "GET", self.archived),
+            Row("/flights", "GET", self.flights),
+            Row("/found-flights", "GET", self.found),
+            Row("/archive", "GET", self.archived),
         ]
 
     async def flights(self, request: Request) -> Any:
@@ -56,7 +55,7 @@ class FlightListApi:
     async def archived(self, request: Request) -> Any:
         """The same of the archive; ``directory`` is null where there is none."""
         choice, (after, limit) = _choice(request), _page(request, MOST)
-        archive = self._session.store.archive
+        archive = self._session.vehicle.store.archive
         if archive is None:
             return {"directory": None, "total": 0, "flights": []}
 

@@ -23,10 +23,7 @@ def checked_tags(content: bytes) -> dict[str, Any]:
 
 
 def imported_tags(content: bytes) -> dict[str, Any]:
-    """Read the rows of tag files, texts by their names.
-
-    Raises `FormatError`, `UsageError`: they are no texts, or one cannot be read.
-    """
+    """Read the rows of tag files, given as texts by their names."""
     files = read_body(content, UPLOADED_FILE)
     if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
         raise FormatError("files must be texts by their names")

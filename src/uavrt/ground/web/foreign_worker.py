@@ -1,7 +1,7 @@
 """Read what others made outside of the event loop, which also serves the link to the drone.
 
-One process reads files and long requests, one after the other, at a lower priority. It may use
-so much CPU and memory for each as `uavrt.foreign` says; then the kernel ends it, the request is
+One process reads files and long requests, one after the other, at a lower priority. Beyond the
+CPU and memory that `uavrt.foreign` allows for each, the kernel ends it, the request is
 refused with one sentence, and the next one gets a new process. Questions and answers are frames
 on its pipes: eight bytes of length, then a pickle.
 """
@@ -54,11 +54,7 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function there.
-
-        Raises `UavrtError`: raised by the function, or it went beyond the limits.
-        Raises `CommandRefused`: too many requests are waiting.
-        """
+        """Call a function there; raises `UavrtError` or `CommandRefused`."""
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"

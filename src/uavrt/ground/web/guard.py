@@ -185,14 +185,15 @@ class Guard:
         response: Response
         wait_s = self.guesses.wait_s(_address(scope))
         for_scripts = scope["path"].startswith("/api/")
-        if wait_s > 0.0 and not for_scripts:
-            later = {"Retry-After": f"{wait_s:.0f}"}
-            form = _form(scope, "wait", seconds=f"{wait_s:.0f}")
-            response = HTMLResponse(form, 429, headers=later)
-        elif wait_s > 0.0:
-            text = f"too many wrong passwords: try again in {wait_s:.0f} s"
-            later = {"Retry-After": f"{wait_s:.0f}"}
-            response = JSONResponse({"error": text}, 429, headers=later)
+        if wait_s > 0.0:
+            seconds = f"{wait_s:.0f}"
+            text = f"too many wrong passwords: try again in {seconds} s"
+            response = (
+                JSONResponse({"error": text}, 429)
+                if for_scripts
+                else HTMLResponse(_form(scope, "wait", seconds=seconds), 429)
+            )
+            response.headers["Retry-After"] = seconds
         elif scope["path"] == "/login" and scope["method"] == "POST":
             body = await _body(receive)
             given = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
@@ -220,8 +221,8 @@ def _form(scope: Scope, fault: str = "", **gaps: str) -> str:
     known = (one.strip()[:2] for one in wanted)
     language = next((one for one in known if one in _WORDS), "en")
     words = _WORDS[language]
-    told = words[fault].format(**gaps) if fault else ""
-    return _LOGIN.format(language=language, fault=told, **words)
+    text = words[fault].format(**gaps) if fault else ""
+    return _LOGIN.format(language=language, fault=text, **words)
 
 
 async def _body(receive: Receive) -> bytes:

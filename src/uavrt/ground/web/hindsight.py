@@ -26,10 +26,7 @@ _MOST_CORNERS = 500
 
 
 def integrated_record(flight: Path) -> Record:
-    """Verdicts of a whole flight, and the pulses seen in hindsight, evenly thinned.
-
-    Raises `FormatError`: what lies beside the flight is damaged.
-    """
+    """Verdicts of a whole flight, and the pulses seen in hindsight, evenly thinned."""
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
     step = max(1, math.ceil(len(placed) / _MOST_PULSES))
@@ -70,29 +67,20 @@ class Silence:
         )
 
 
-class SilenceDesk:
+class SilenceDesk(MapDesk[Silence, "SilentMap"]):
     """Makes maps of where a tag would have been heard, one at a time; keeps the last."""
 
     def __init__(self) -> None:
-        self._desk = MapDesk(_made, _record, "map of silence")
-
-    def answer(self, asked: Silence, *, again: bool = False) -> Record:
-        """Tell how far the map is, or what it shows; as `MapDesk.answer`."""
-        return self._desk.answer(asked, again=again)
+        super().__init__(_made, _record, "map of silence")
 
     def absence(self, asked: Silence, wanted: object) -> Record:
-        """Tell how probable it is that a tag that was not heard is not in an outline.
-
-        Raises `FormatError`: there is no outline.
-        Raises `UsageError`: the map is not there yet, the tag was heard, or the outline lies
-        outside.
-        """
+        """Report how probable it is that a tag that was not heard is not in an outline."""
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.coverage import inside
         from uavrt.planning.area import Polygon
         from uavrt.planning.coverage import absence
 
-        found = self._desk.found(asked)
+        found = self.found(asked)
         if found is None:
             raise UsageError("the map is not there yet", remedy="Ask for it first")
         if found.ambiguous:
@@ -104,14 +92,13 @@ class SilenceDesk:
             raise UsageError(
                 f"tag {asked.tag_id} was detected, so there is no map of places without it"
             )
-        coverage = found.coverage
-        plane = coverage.ground.plane
+        coverage, plane = found.coverage, found.coverage.ground.plane
         longitude, latitude = np.array(_outline(wanted)).T
         east, north = plane.to_local(latitude, longitude)
         corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
         area = Polygon(corners=corners, name="area")
-        told = absence(coverage, inside(area, coverage.ground), None)
-        return {**asdict(told), "prior_is": "anywhere on the map alike"}
+        absent = absence(coverage, inside(area, coverage.ground), None)
+        return {**asdict(absent), "prior_is": "anywhere on the map alike"}
 
 
 def _outline(wanted: object) -> list[list[float]]:

@@ -6,13 +6,13 @@ serves pages meanwhile, does not spend itself.
 
 import asyncio
 import base64
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from uavrt.analysis.export.png import chance, png_bytes
+from uavrt.ground.web.reports import run_uavrt
 from uavrt.recording.integrated import read_folds
 
 Record = dict[str, Any]
@@ -32,7 +32,7 @@ class IntegrationDesk:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Begin to judge a flight, or tell how that stands.
+        """Begin to judge a flight, or report how far that is.
 
         `flight`: its directory, with the samples that it kept.
         `dem`: elevation file or folder; empty: the ground is taken as level.
@@ -52,28 +52,12 @@ class IntegrationDesk:
 
 async def _judged(flight: Path, dem: str) -> str | None:
     """Run the program; what went wrong, in its words."""
-    program = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-P", "-m", "uavrt.cli", "integrate", str(flight)),
-        *(("--dem", dem) if dem else ()),
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.DEVNULL,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        _, said = await program.communicate()
-    except asyncio.CancelledError:
-        program.kill()
-        raise
-    if program.returncode in (0, _NONE_FOUND):
-        return None
-    return said.decode("utf-8", "replace").strip()[-400:] or "the flight could not be judged"
+    code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
+    return None if code in (0, _NONE_FOUND) else text or "the flight could not be judged"
 
 
 def fold_pictures(flight: Path) -> dict[str, Record]:
-    """Make pictures of a flight folded at its tags' intervals, by tag; phase to the right.
-
-    Raises `FormatError`: what lies beside the flight is damaged.
-    """
+    """Make pictures of a flight folded at its tags' intervals, by tag; phase to the right."""
     pictures = {}
     for one in read_folds(flight):
         cells = np.asarray(one.raster, np.float32)

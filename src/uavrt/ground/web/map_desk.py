@@ -61,7 +61,7 @@ class MapDesk(Generic[Asked, Found]):
         self._lock = threading.Lock()
 
     def answer(self, asked: Asked, *, again: bool = False) -> Record:
-        """Tell how far the map is, or what it shows; begin it where it is a new one.
+        """Report how far the map is, or what it shows; begin it if it is a new one.
 
         `asked`: which map.
         `again`: the same was asked for before: it is not begun again when another page wanted

@@ -8,9 +8,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.routing import Route
+
 from uavrt.analysis.map_files import MapFile, read_map
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.ground.web.foreign_worker import ForeignWorker
+from uavrt.ground.web.routing import answered
 
 MAX_MAP = 8_000_000_000
 _NAME = re.compile(r"[\w][\w .()-]{0,120}\.(pmtiles|mbtiles)", re.IGNORECASE)
@@ -20,6 +25,29 @@ _MIME = {
     "jpg": "image/jpeg",
     "webp": "image/webp",
 }
+
+
+def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
+    """Make the routes of map files, of which the browser reads parts, and of their tiles."""
+
+    async def map_file(request: Request) -> Any:
+        path = map_path(directory, request.path_params["name"])
+        return FileResponse(path, media_type="application/octet-stream")
+
+    async def map_tile(request: Request) -> Any:
+        place = request.path_params
+        path = map_path(directory, place["name"])
+        found = await worker.call(tile, path, place["z"], place["x"], place["y"])
+        if found is None:
+            return Response(status_code=204)
+        content, kind, encoding = found
+        headers = {"Content-Encoding": encoding} if encoding else {}
+        return Response(content, media_type=kind, headers=headers)
+
+    return [
+        Route("/maps/{name}", answered(map_file)),
+        Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(map_tile)),
+    ]
 
 
 def map_list(directory: Path) -> list[dict[str, Any]]:
@@ -36,10 +64,7 @@ def map_list(directory: Path) -> list[dict[str, Any]]:
 
 
 def map_path(directory: Path, name: str) -> Path:
-    """Get the path of a map.
-
-    Raises `UsageError`: there is none of this name; a name with a path in it never is one.
-    """
+    """Get the path of a map; raises `UsageError`."""
     path = directory / name
     if not _NAME.fullmatch(name) or not path.is_file():
         raise UsageError(f"there is no map {name[:80]!r}")
@@ -49,12 +74,7 @@ def map_path(directory: Path, name: str) -> Path:
 async def store_map(
     directory: Path, name: str, chunks: AsyncIterator[bytes], worker: ForeignWorker
 ) -> dict[str, Any]:
-    """Write a map file as it comes, whole or not at all; gives its facts.
-
-    Raises `UsageError`: the name is none of a map, or the file is too large.
-    Raises `FormatError`: it is no map.
-    Raises `RecordingError`: it cannot be written.
-    """
+    """Write a map file as it comes, whole or not at all; return its facts."""
     if not _NAME.fullmatch(name):
         raise UsageError(
             f"{name[:80]!r} cannot be a map's name",
@@ -62,7 +82,7 @@ async def store_map(
         )
     taken = 0
     try:
-        # A folder of its own: faults are told by the file's name, and two may come at once.
+        # A folder of its own: errors name the file, and two may come at once.
         with TemporaryDirectory(prefix=".coming-", dir=directory) as coming:
             part = Path(coming) / name
             with part.open("wb") as file:
@@ -84,10 +104,7 @@ def _facts(one: MapFile) -> dict[str, Any]:
 
 
 def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:
-    """Get a tile of an MBTiles file: content, media type, encoding; None where there is none.
-
-    Raises `FormatError`: the file is damaged.
-    """
+    """Get a tile of an MBTiles file: content, media type, encoding; None without one."""
     content = read_map(path).tile(z, x, y)
     if content is None:
         return None

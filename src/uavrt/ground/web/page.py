@@ -22,7 +22,7 @@ TIDY_S = 5.0
 """A flight of 100 000 pulses that is opened passes through 40 MB, which glibc would keep."""
 
 SLOW_S = 0.03
-"""A pulse that comes in the meantime is shown so much later."""
+"""A collection that takes longer delays a pulse visibly [s]."""
 MOST_FREEZES = 8
 """What is frozen is never looked at again, were it garbage then."""
 
@@ -46,11 +46,7 @@ class PageStation(Station):
         self._served = settings.server
 
     async def run(self) -> None:
-        """Serve until `stop`.
-
-        Raises `LinkError`: the page's port is in use; or the link that was asked for cannot be
-        opened.
-        """
+        """Serve until `stop`; raises `LinkError`."""
         settings = self._served
         if settings.host not in ("127.0.0.1", "::1", "localhost") and not settings.password:
             raise ConfigError(
@@ -89,7 +85,7 @@ async def _tidied() -> None:
     """Give free memory back from time to time, until cancelled.
 
     What was imported stays: it is frozen, so that a collection does not look at it each time.
-    The first estimate or report imports more; a collection that is slow tells of it.
+    The first estimate or report imports more; a slow collection shows it.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

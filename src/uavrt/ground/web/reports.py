@@ -19,7 +19,7 @@ POLICY = (
 )
 """What a browser may do with a report: show it. Names in it were typed by people."""
 FACTS = "report.toml"
-"""What people tell of flights (`uavrt.analysis.facts`)."""
+"""Facts about flights, written by people (`uavrt.analysis.facts`)."""
 
 
 class Reporter:
@@ -33,10 +33,7 @@ class Reporter:
         self._busy = asyncio.Lock()
 
     async def report(self, flight: Path, antenna: AntennaChoice) -> bytes:
-        """Get the report of a flight as HTML, with the antenna that the page has.
-
-        Raises `RecordingError`: it could not be made; the text is what the program said.
-        """
+        """Get the report of a flight as HTML; raises `RecordingError`."""
         place = self._directory / flight.name / _named(antenna)
         async with self._busy:
             return await asyncio.to_thread(_kept, place, flight) or await _made(
@@ -58,31 +55,41 @@ def _kept(place: Path, flight: Path) -> bytes | None:
     report = place / "report.html"
     if not report.is_file():
         return None
-    told = [path for path in (flight / FACTS, flight.parent / FACTS) if path.is_file()]
-    changed = max(path.stat().st_mtime for path in (*flight.glob("flight.sqlite*"), *told))
+    facts = [path for path in (flight / FACTS, flight.parent / FACTS) if path.is_file()]
+    changed = max(path.stat().st_mtime for path in (*flight.glob("flight.sqlite*"), *facts))
     return report.read_bytes() if report.stat().st_mtime > changed else None
 
 
-async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
-    await asyncio.to_thread(place.mkdir, parents=True, exist_ok=True)
+async def run_uavrt(*arguments: str) -> tuple[int | None, str]:
+    """Run ``uavrt`` as a program of its own; get its exit code and the end of its errors."""
     program = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-P", "-m", "uavrt.cli", "report", str(flight)),
-        *("--antenna", antenna.pattern, f"--antenna-offset={antenna.offset_deg}"),
-        *("--heading-error", str(antenna.heading_sigma_deg)),
-        *("--height-error", str(antenna.height_sigma_m)),
-        *("--no-pdf", "-o", str(place)),
-        *(("--dem", antenna.dem) if antenna.dem else ()),
+        *(sys.executable, "-P", "-m", "uavrt.cli", *arguments),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
     )
     try:
-        async with asyncio.timeout(TIMEOUT_S):
-            _, said = await program.communicate()
-    except TimeoutError as error:
+        _, errors = await program.communicate()
+    except asyncio.CancelledError:
         program.kill()
+        raise
+    return program.returncode, errors.decode("utf-8", "replace").strip()[-400:]
+
+
+async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
+    await asyncio.to_thread(place.mkdir, parents=True, exist_ok=True)
+    try:
+        async with asyncio.timeout(TIMEOUT_S):
+            code, text = await run_uavrt(
+                *("report", str(flight)),
+                *("--antenna", antenna.pattern, f"--antenna-offset={antenna.offset_deg}"),
+                *("--heading-error", str(antenna.heading_sigma_deg)),
+                *("--height-error", str(antenna.height_sigma_m)),
+                *("--no-pdf", "-o", str(place)),
+                *(("--dem", antenna.dem) if antenna.dem else ()),
+            )
+    except TimeoutError as error:
         raise RecordingError(f"the report was not ready after {TIMEOUT_S:g} s") from error
-    if program.returncode != 0:
-        text = said.decode("utf-8", "replace").strip()[-400:]
+    if code != 0:
         raise RecordingError(f"the report could not be made: {text}")
     return await asyncio.to_thread((place / "report.html").read_bytes)

@@ -7,8 +7,9 @@ import asyncio
 import contextlib
 import socket
 import ssl
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,8 @@ from uavrt.errors import ConfigError, LinkError
 from uavrt.foreign import KEYS, read_file
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.api import Api, answered
+from uavrt.ground.web import maps
+from uavrt.ground.web.api import api_rows
 from uavrt.ground.web.doorkeeper import ListeningSocket, doors_watched, protocol_of
 from uavrt.ground.web.doors import Served, doors
 from uavrt.ground.web.drone_flights import ExtraApi
@@ -33,7 +35,9 @@ from uavrt.ground.web.fleet_api import FleetApi
 from uavrt.ground.web.flight_lists import FlightListApi
 from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.guard import Guard
-from uavrt.ground.web.set_up_api import SetUpApi
+from uavrt.ground.web.page_records import send_records
+from uavrt.ground.web.routing import Handler, answered, made
+from uavrt.ground.web.set_up_api import set_up_rows
 
 STATIC = Path(__file__).parents[1] / "static"
 DEFAULT_PORT = 8650
@@ -65,11 +69,7 @@ class ServerSettings:
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:
-    """Bind the server's socket, so that a busy port is reported before anything starts.
-
-    Raises `LinkError`: the port is in use, or the address does not belong to this computer.
-    Raises `ConfigError`: the certificate is none.
-    """
+    """Bind the server's socket, so that a busy port is reported before anything starts."""
     _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     sock = ListeningSocket(family)
@@ -162,18 +162,14 @@ def application(
 ) -> Starlette:
     """Make the web application of a session, and of the other vehicles of its fleet."""
     worker = ForeignWorker()
-    api = Api(session, settings.drone_settings, worker)
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
-    routes = _routes(session, api, worker)
-    for path, method, handler in SetUpApi(session, settings.drone_settings).routes():
-        routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
+    routes = _routes(session, worker, settings.drone_settings)
+    routes += made(set_up_rows(session, settings.drone_settings), session.commander)
     if fleet is not None:
-        for path, method, handler in FleetApi(fleet).routes():
-            routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
+        routes += made(FleetApi(fleet).routes(), session.commander)
         routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet, worker)))
     routes.append(Route("/api/doors", answered(_doors(settings))))
-    routes.append(Route("/maps/{name}", answered(api.map_file)))
-    routes.append(Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(api.map_tile)))
+    routes += maps.map_routes(session.vehicle.store.directory / "maps", worker)
     if (STATIC / "assets").is_dir():
         assets = _Assets(directory=STATIC / "assets", follow_symlink=False)
         routes.append(Mount("/assets", assets))
@@ -182,7 +178,7 @@ def application(
     return served
 
 
-def _doors(settings: ServerSettings) -> Callable[[Request], Awaitable[Any]]:
+def _doors(settings: ServerSettings) -> Handler:
     served = Served(
         host=settings.host, names=settings.names, access_point=settings.access_point
     )
@@ -194,28 +190,35 @@ def _doors(settings: ServerSettings) -> Callable[[Request], Awaitable[Any]]:
 
 
 def _routes(
-    session: GroundSession, api: Api, worker: ForeignWorker
+    session: GroundSession, worker: ForeignWorker, drone_settings: Path | None = None
 ) -> list[Route | Mount | WebSocketRoute]:
     """The page and what it asks of one session."""
     routes: list[Route | Mount | WebSocketRoute] = [
         Route("/", _page),
-        WebSocketRoute("/api/records", api.records),
+        WebSocketRoute("/api/records", partial(send_records, session)),
     ]
-    more = [*ExtraApi(session).routes(), *FlightListApi(session, worker).routes()]
-    for path, method, handler in [*api.routes(), *more]:
-        ready = _with_flights_written(session, handler) if "flights" in path else handler
-        routes.append(Route(f"/api{path}", answered(ready), methods=[method]))
-    return routes
+    rows = [
+        *api_rows(session, worker, drone_settings),
+        *ExtraApi(session).routes(),
+        *FlightListApi(session, worker).routes(),
+    ]
+    ready = (
+        row._replace(handle=_with_flights_written(session, row.handle))
+        if "flights" in row.path
+        else row
+        for row in rows
+    )
+    return routes + made(ready, session.commander)
 
 
-def _with_flights_written(
-    session: GroundSession, handler: Callable[[Request], Awaitable[Any]]
-) -> Callable[[Request], Awaitable[Any]]:
+def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
     """Let a handler find on the disk what the pages show already, unless the disk is slow."""
 
     async def handle(request: Request) -> Any:
-        vehicles = (session, *session.companions)
-        await asyncio.gather(*(one.flight.settle(SETTLES_WITHIN_S) for one in vehicles))
+        vehicles = (session.vehicle, *session.vehicle.companions)
+        await asyncio.gather(
+            *(one.flight.keeper.queue.settle(SETTLES_WITHIN_S) for one in vehicles)
+        )
         return await handler(request)
 
     return handle
@@ -242,8 +245,7 @@ class FurtherVehicles:
             return
         kept = self._made.get(number)
         if kept is None or kept[0] is not session:
-            api = Api(session, None, self._worker)
-            kept = session, Starlette(routes=_routes(session, api, self._worker))
+            kept = session, Starlette(routes=_routes(session, self._worker))
             self._made[number] = kept
         await kept[1](scope, receive, send)
 

@@ -1,7 +1,6 @@
 """Routes of a drone's first set-up, where the page runs on the drone's own computer."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from starlette.responses import Response
 from uavrt.config.loader import load_settings
 from uavrt.errors import UavrtError
 from uavrt.ground.session import GroundSession
-from uavrt.ground.web.api import Answer, json_body
+from uavrt.ground.web.routing import Answer, Row, json_body
 from uavrt.messages import SystemStatus
 
 if TYPE_CHECKING:
@@ -23,34 +22,25 @@ class SetUpApi:
     """The steps of `uavrt.computer.first_setup`, asked of this computer.
 
     `session`: the page's; it takes over the drone's name and antenna.
-    `config`: the drone side's settings on this computer; None: the page runs elsewhere.
     """
 
-    def __init__(self, session: GroundSession, config: Path | None) -> None:
-        self._session = session
-        self._setup: FirstSetup | None = None
-        if config is not None:
-            # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.
-            from uavrt.computer import first_setup
+    def __init__(self, session: GroundSession, setup: "FirstSetup") -> None:
+        self._session, self._setup = session, setup
 
-            self._setup = first_setup.FirstSetup(config)
-
-    def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
-        """Path below ``/api``, method, handler."""
-        if self._setup is None:
-            return [("/set-up", "GET", self.state)]
+    def routes(self) -> list[Row]:
+        """List the routes."""
         return [
-            ("/set-up", "GET", self.state),
-            ("/set-up/finish", "POST", self.finish),
-            ("/set-up/command.key", "GET", self.command_key),
-            ("/set-up/{step}", "PUT", self.take),
-            ("/set-up/{step}/test", "POST", self.test),
+            Row("/set-up", "GET", self.state),
+            Row("/set-up/finish", "POST", self.finish, commands=True),
+            Row("/set-up/command.key", "GET", self.command_key),
+            Row("/set-up/{step}", "PUT", self.take, commands=True),
+            Row("/set-up/{step}/test", "POST", self.test, commands=True),
         ]
 
     async def state(self, request: Request) -> Any:
         """Whether the set-up is wanted; then what each step begins with, and choices."""
         setup = self._setup
-        if setup is None or not setup.wanted:
+        if not setup.wanted:
             return {"wanted": False}
         return {
             "wanted": True,
@@ -61,7 +51,7 @@ class SetUpApi:
 
     async def take(self, request: Request) -> Any:
         """Judge and write a step: 422 with ``faults: [{field, text}]``, or what it now is."""
-        setup = self._checked(request)
+        setup = self._setup
         body = await json_body(request)
         faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
         if faults:
@@ -70,7 +60,7 @@ class SetUpApi:
 
     async def test(self, request: Request) -> Any:
         """Try the radio, or the link to the autopilot, as they have been set."""
-        setup = self._checked(request)
+        setup = self._setup
 
         def findings() -> list[dict[str, Any]]:
             running = _running(setup.config)
@@ -80,26 +70,37 @@ class SetUpApi:
 
     async def finish(self, request: Request) -> Any:
         """End the set-up; the page's own settings follow."""
-        setup = self._checked(request)
+        setup = self._setup
         values = await asyncio.to_thread(setup.values)
-        told = await asyncio.to_thread(setup.finish)
-        store = self._session.store
+        finished = await asyncio.to_thread(setup.finish)
+        store = self._session.vehicle.store
         own = {"vehicle_name": values["name"], "antenna": values["antenna"]}
         await store.disk.run(store.set_settings, store.settings.changed(own))
         self._session.settings_changed()
-        return told
+        return finished
 
     async def command_key(self, request: Request) -> Any:
         """The drone's command key as a file, for a laptop that is to command."""
-        assert self._setup is not None
         key = await asyncio.to_thread(self._setup.command_key)
         attached = {"Content-Disposition": 'attachment; filename="command.key"'}
         return Response(key, media_type="text/plain", headers=attached)
 
-    def _checked(self, request: Request) -> "FirstSetup":
-        assert self._setup is not None
-        self._session.commander.check(request.headers.get("x-page"))
-        return self._setup
+
+def set_up_rows(session: GroundSession, config: Path | None) -> list[Row]:
+    """List the routes of the set-up.
+
+    `config`: the drone side's settings on this computer; None: the page runs elsewhere.
+    """
+    if config is None:
+        return [Row("/set-up", "GET", _unwanted)]
+    # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.
+    from uavrt.computer import first_setup
+
+    return SetUpApi(session, first_setup.FirstSetup(config)).routes()
+
+
+async def _unwanted(_request: Request) -> Any:
+    return {"wanted": False}
 
 
 def _running(config: Path) -> SystemStatus | None:

@@ -145,10 +145,7 @@ class LiveWaterfall:
         self.address: str | None = None
 
     async def listen(self, address: str) -> None:
-        """Listen there in place of anywhere else; an empty address ends it.
-
-        Raises `UavrtError`: not an address, or not a free one of this computer.
-        """
+        """Listen at one address; an empty one ends it. Raises `UavrtError`."""
         self.close()
         if not address:
             return

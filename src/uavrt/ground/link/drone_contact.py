@@ -1,0 +1,69 @@
+"""Whether the drone is received on the ground's links, and if not, why."""
+
+import asyncio
+
+from uavrt.errors import LinkError
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.signing import Signing
+
+
+class DroneContact:
+    """Checks signatures, and explains why the drone does not answer.
+
+    `signing`: checks frames; None: all are taken.
+    """
+
+    def __init__(self, signing: Signing | None) -> None:
+        self._signing = signing
+        self._drone_signs = self._drone_refused = False
+        self.made = asyncio.Event()
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Frames refused for their signatures, by reason."""
+        return {} if self._signing is None else dict(self._signing.counters)
+
+    def accepts(self, frame: Frame) -> bool:
+        """Whether a frame's signature is right, or none is needed."""
+        from_drone = frame.component_id == DRONE_COMPONENT
+        if from_drone:
+            self._drone_signs = frame.signed
+        accepted = self._signing is None or self._signing.accepts(frame)
+        self._drone_refused |= from_drone and not accepted
+        return accepted
+
+    async def wait(self, timeout_s: float) -> None:
+        """Wait for the drone; raises `LinkError` when it is not received."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self.made.wait()
+        except TimeoutError:
+            raise self._missing() from None
+
+    def _missing(self) -> LinkError:
+        """Explain why there is no drone: it is locked with another key, or not there."""
+        if self._drone_refused:
+            return LinkError(
+                f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
+                "key given",
+                remedy="Give the key that the drone has as mavlink.signing_key_file, or none "
+                "if it has none",
+            )
+        return LinkError(
+            f"no drone is heard (MAVLink component {DRONE_COMPONENT})",
+            remedy="Check the drone's power, the radio, and that the autopilot forwards "
+            "MAVLink between its companion and ground ports",
+        )
+
+    def unanswered(self, number: int, waited_s: float) -> LinkError:
+        """Explain why a command has no answer: the drone wants it signed, or is away."""
+        text = f"the drone did not answer command {number} in {waited_s:g} s"
+        if self._drone_signs and self._signing is None:
+            return LinkError(
+                f"{text}: it signs its frames and may accept only signed ones",
+                remedy="Give the drone's key with --signing-key",
+            )
+        return LinkError(
+            text, remedy="Check the radio link and try again; repeated commands do no harm"
+        )

@@ -1,0 +1,184 @@
+"""One vehicle that the ground station serves: its link, its drone's reports, its flight."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from uavrt.clock import Clock
+from uavrt.commands import SystemState
+from uavrt.errors import UsageError
+from uavrt.ground.link.actions import Busy, Situation
+from uavrt.ground.link.connection import Connection
+from uavrt.ground.link.current_flight import CurrentFlight, last_beeps
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.drone_reports import DroneReports
+from uavrt.ground.link.feed import Feed
+from uavrt.ground.link.protocol import DroneHeartbeat
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.store.tag_table import rows_from_tags, table_version
+from uavrt.messages import BurstInside, PulsePose
+from uavrt.recording.places import vehicle_note
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+FOREIGN_REMEDY: Final = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
+ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
+
+
+class ServedVehicle:
+    """One vehicle, and what is known of it.
+
+    `make_link`: makes its link, see `Connection`.
+    `companions`: get the other vehicles that are served.
+    `on_flight`: called when a flight of our own has begun.
+    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
+    """
+
+    def __init__(
+        self,
+        store: GroundStore,
+        clock: Clock,
+        feed: Feed,
+        make_link: Callable[..., GroundLink],
+        *,
+        companions: Callable[[], Sequence["ServedVehicle"]],
+        on_flight: Callable[[], None],
+        also: Callable[[PulsePose | BurstInside], object],
+    ) -> None:
+        number, uid = store.vehicle
+        self.store, self.clock, self.feed = store, clock, feed
+        self.identity = VehicleIdentity(store.system_id or number, uid)
+        self.drone = DroneReports(clock.now_ns())
+        self.flight = CurrentFlight(store, clock, feed, also)
+        self.connection = Connection(store, feed, self.identity, make_link)
+        self.busy: Busy | None = None
+        self._companions, self._on_flight = companions, on_flight
+        self._named: set[int] = set()
+        self._foreign_reported = False
+
+    @property
+    def companions(self) -> Sequence["ServedVehicle"]:
+        """The other vehicles that are served."""
+        return self._companions()
+
+    @property
+    def name(self) -> str:
+        """What this vehicle is called among others."""
+        number, name = self.identity.system_id, self.store.settings.vehicle_name
+        return "this vehicle" if number is None else vehicle_note(number, name)
+
+    def situation(self) -> Situation:
+        """The state that decides which buttons are enabled."""
+        now_ns, drone, tags = self.clock.now_ns(), self.drone, self.store.chosen_tags
+        return Situation(
+            link_open=self.connection.is_open,
+            drone_present=self.connection.present(now_ns),
+            state=drone.state,
+            tags=len(tags),
+            tags_sent=drone.sent_tags == tags,
+            busy=self.busy,
+            flight_open=self.flight.keeper.flight_id is not None,
+            foreign=self.identity.foreign(now_ns),
+            silent_s=(now_ns - drone.contact_ns) / NANOSECONDS_PER_SECOND,
+        )
+
+    def set_busy(self, busy: Busy | None) -> None:
+        """Show the command in progress; None: it has ended."""
+        self.busy = busy
+        self.feed.send_state()
+
+    def show_tags(self) -> None:
+        """Show the tag table to all pages."""
+        self.feed.send("tags_version", table_version(self.store.tags))
+        self.feed.send("tags", rows_from_tags(self.store.tags))
+        self.feed.send_state()
+
+    async def connect(self) -> None:
+        """Open the link that is set, in place of any other; raises `LinkError`."""
+        await self.disconnect()
+        await self.connection.open(self.drone.sent_tags)
+
+    async def disconnect(self) -> None:
+        """Close the link."""
+        await self.connection.close()
+        self.drone.disconnected()
+
+    async def resume(self, library: FlightLibrary) -> bool:
+        """Continue with the flight that a restart interrupted; False where there is none."""
+        store = self.store
+        self.drone.recall(
+            await store.disk.run(last_beeps, store.directory, store.current_flight, store.tags)
+        )
+        tags = await self.flight.resume(library)
+        if tags is not None:
+            self.drone.set_tags(tags)
+        return tags is not None
+
+    def begin_flight(self) -> None:
+        """Begin a flight of our own."""
+        flight_id = self.flight.begin(self.drone.sent_tags or self.store.chosen_tags)
+        self._on_flight()
+        self.drone.begin_flight()
+        if self.identity.system_id is not None:
+            self.flight.keeper.add_note(self.name, self.clock.now_ns())
+        self.feed.send("flight", {"flight_id": flight_id})
+        self.feed.send_state()
+
+    def take_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
+        """Take the drone's state: flights begin and end with it."""
+        before, state = self.drone.take_heartbeat(heartbeat), heartbeat.state
+        if before is state:
+            return
+        self.feed.note(6, f"drone is {state.words if state else 'in an unknown state'}")
+        # The drone may have stopped before a resumed flight was; the states of before a start
+        # may come after its acknowledgement.
+        unseen = before is None and state is not None
+        over = before in ESSENTIAL or (unseen and self.flight.resumed)
+        if state in ESSENTIAL and self.flight.keeper.ended:
+            self.begin_flight()
+        elif state not in ESSENTIAL and not self.flight.keeper.ended and over:
+            self.flight.end()
+        self.feed.send_state()
+
+    def once_a_second(self, now_ns: int) -> bool:
+        """Ask the vehicle, and note what has changed; False without an open link."""
+        watch = self.connection.serve(now_ns)
+        if watch is None:
+            return False
+        self._report_others(now_ns)
+        self.flight.note_home(watch.home, now_ns)
+        self.flight.note_battery(watch.battery_percent, now_ns)
+        present = self.connection.present(now_ns)
+        if self.drone.take_presence(present, now_ns):
+            self.feed.note(6 if present else 3, "drone found" if present else "drone lost")
+        self.connection.report_faults()
+        return True
+
+    def _report_others(self, now_ns: int) -> None:
+        """Name other vehicles on this link, each once, and another under our number."""
+        ours = self.identity.system_id
+        self._named |= {one.identity.system_id or 0 for one in self.companions}
+        for system_id in sorted(set(self.identity.others) - self._named):
+            self._named.add(system_id)
+            text = f"another vehicle, {system_id}, is heard; this page keeps to {ours}"
+            self.feed.note(4, text)
+        foreign = self.identity.foreign(now_ns)
+        if foreign and not self._foreign_reported:
+            who = "autopilot" if self.connection.flies else "station"
+            text = f"another {who} answers under the number {ours}: {FOREIGN_REMEDY}"
+            self.feed.note(2, text)
+        self._foreign_reported = foreign
+
+    def choose(self, system_id: int) -> None:
+        """Serve another vehicle; the flight of the one before ends here, not on its drone."""
+        if self.store.system_id is not None:
+            raise UsageError(f"this page is that of vehicle {self.store.system_id}")
+        if any(one.identity.system_id == system_id for one in self.companions):
+            raise UsageError(f"vehicle {system_id} has a page of its own")
+        if not self.flight.keeper.ended:
+            self.flight.end()
+        self.identity.choose(system_id)
+        self._named.clear()
+        self._foreign_reported = False
+        self.drone.forget()
+        self.connection.forget_vehicle()

@@ -1,0 +1,143 @@
+"""What waits to be written into the flights of a ground station, and what the disk has."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import RecordingError
+from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
+from uavrt.log import get_logger
+from uavrt.recording.disk_thread import Disk, DiskBatches
+from uavrt.recording.flight_recorder import FlightRecorder
+
+log = get_logger()
+
+MOST_WAITING = 10_000
+"""Pulses that wait in memory for a disk that fails. More stay with the drone, which sends again
+what is not acknowledged."""
+MOST_OTHERS = 20_000
+"""Poses, notes and the like that wait while the disk does not answer."""
+RETRY_S = 1.0
+"""Between two tries of a disk that fails."""
+SLOW_S = 2.0
+"""A write that takes longer is reported [s]; a healthy memory card takes some milliseconds."""
+TURN_S = 0.01
+"""Between two looks at whether the disk has written."""
+
+
+class FlightQueue:
+    """Hands work to a `FlightWriter` in the disk thread; nothing here waits for the disk.
+
+    `directory`: of the flights, for errors.
+    `also`: see `FlightWriter`.
+    `on_written`: called after each write, whether the disk took it or not.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        disk: Disk,
+        also: Callable[[Stored], object],
+        on_written: Callable[[], None],
+    ) -> None:
+        self.writer = FlightWriter(also)
+        self._directory = directory
+        self._on_written = on_written
+        self._works: DiskBatches[tuple[bool, Callable[[FlightWriter], None]], Written] = (
+            DiskBatches(disk, self.writer.write, self._written)
+        )
+        """What the writer is to do; True for what receipts wait for."""
+        self._taken = self._applied = self._durable = 0
+        self._left_out = 0
+        self._retry_at_s = 0.0
+        self._reported = False
+        self._error: str | None = None
+        self._mended = ""
+
+    @property
+    def fault(self) -> str | None:
+        """Why the disk has not taken all, or that it is slow; None when all is well."""
+        handed_s = self._works.handed_s
+        now_s = 0.0 if handed_s is None else monotonic_s() - handed_s
+        before_s = 0.0 if self._error is not None or self.stored else self._works.took_s
+        slow_s = max(now_s, before_s)
+        if slow_s < SLOW_S:
+            return self._error
+        error = RecordingError(
+            f"the disk of {self._directory} takes {slow_s:.0f} s to write: "
+            f"{self._waiting} pulses wait in memory",
+            remedy="Check or replace it",
+        )
+        return str(error)
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """How many pulses and contents of bursts were taken, and the durable ones of these."""
+        return self._taken, self._durable
+
+    @property
+    def stored(self) -> bool:
+        """Whether every pulse that was taken is on the disk."""
+        return not self._waiting
+
+    @property
+    def _waiting(self) -> int:
+        return self._taken - self._durable
+
+    def store(self, work: Callable[[FlightWriter], None]) -> None:
+        """Take work that a receipt waits for; raises `RecordingError` where it cannot wait."""
+        if self._waiting >= MOST_WAITING:
+            raise RecordingError(self.fault or "the disk is too slow for the pulses received")
+        self.put(work, counts=True)
+
+    def put(self, work: Callable[[FlightWriter], None], *, counts: bool = False) -> None:
+        """Take work for the next commit; with `counts` a receipt waits for it."""
+        self._taken += counts
+        self._works.waiting.append((counts, work))
+
+    def record(self, write: Callable[[FlightRecorder], None]) -> None:
+        """Take what no receipt waits for; discard it if too much waits."""
+        if len(self._works.waiting) < MOST_WAITING + MOST_OTHERS:
+            self.put(lambda writer: writer.record(write))
+        else:
+            self._left_out += 1
+            log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
+
+    def commit(self, *, at_once: bool = False) -> None:
+        """Bring everything to the disk; what it does not take waits, and `fault` says why.
+
+        After a fault a second passes before the next try, unless `at_once`.
+        """
+        fault = self.fault
+        if fault is not None and not self._reported:
+            log.warning("flight not written", reason=fault)
+        self._reported = fault is not None
+        if at_once or monotonic_s() >= self._retry_at_s:
+            self._works.write()
+
+    def _written(
+        self, works: list[tuple[bool, Callable[[FlightWriter], None]]], written: Written
+    ) -> None:
+        """Count what the disk has now."""
+        self._applied += sum(counts for counts, _ in works)
+        if written.fault is None:
+            self._durable = self._applied
+        else:
+            self._retry_at_s = monotonic_s() + RETRY_S
+        self._error = written.fault
+        self._mended = written.mended or self._mended
+        self._on_written()
+
+    def mended(self) -> str:
+        """Get what was wrong with the flight's database and has been put right, once."""
+        text, self._mended = self._mended, ""
+        return text
+
+    async def settle(self, within_s: float) -> None:
+        """Wait until the disk has taken all, has refused it, or the time is over."""
+        if self._works.waiting:
+            self.commit()
+        end_s = monotonic_s() + within_s
+        while self._works.handed_s is not None and monotonic_s() < end_s:  # noqa: ASYNC110
+            await asyncio.sleep(TURN_S)

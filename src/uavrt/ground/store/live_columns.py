@@ -1,0 +1,89 @@
+"""The flight in progress in memory: its pulses and poses in columns, for the estimates."""
+
+import math
+from array import array
+from collections.abc import Iterable
+
+import numpy as np
+
+from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
+from uavrt.messages import BurstInside, Pose, PulsePose
+from uavrt.on_ground import ToldStates
+
+POSE_STEP_NS = 190_000_000
+"""Poses are kept five times a second at most: 36 000 in two hours."""
+PULSE_WIDTH = len(PULSE_COLUMNS)
+POSE_WIDTH = 8
+
+
+class LiveColumns:
+    """What is known of one flight."""
+
+    def __init__(self) -> None:
+        self.keys: set[tuple[int, int]] = set()
+        """Of its pulses: tag and start time [ns]."""
+        self._pulses = array("d")
+        self._poses = array("d")
+        self._states = ToldStates()
+        self._last_pose_ns = 0
+        self._takeoff: tuple[float, float] = math.inf, math.nan
+        """Time of the first pose [ns], and the height above sea level that it counts from."""
+
+    def resume(self, keys: Iterable[tuple[int, int]], states: ToldStates) -> None:
+        """Continue with the pulses and states that a database has."""
+        self.keys.update(keys)
+        self._states = states
+
+    def load(self, columns: Columns) -> None:
+        """Take the pulses and poses of a resumed flight in."""
+        self._pulses = array("d", columns.pulses.T.ravel().tolist())
+        self._poses = array("d", columns.poses.T.ravel().tolist())
+        first_ns = min(columns.poses[0].tolist(), default=math.inf)
+        self._takeoff = first_ns, columns.takeoff_amsl_m
+
+    def add_pulse(self, item: PulsePose) -> None:
+        """Add a new pulse."""
+        self.keys.add(item.pulse.key)
+        self._pulses.extend(pulse_cells(item))
+
+    def doubt(self, burst: BurstInside) -> None:
+        """Let the estimates know whose else a burst may be."""
+        cells = np.frombuffer(self._pulses, np.float64).reshape(-1, PULSE_WIDTH)
+        named = {name: cells[:, place] for place, name in enumerate(PULSE_COLUMNS)}
+        same = named["start_time_ns"] == float(burst.start_time_ns)
+        same &= named["tag_id"] == burst.tag_id
+        named["also_possible_tag_id"][same] = burst.also_possible_tag_ids[0]
+
+    def add_pose(self, pose: Pose) -> bool:
+        """Add a pose; False for one that comes too soon after the last."""
+        if 0 <= pose.time_ns - self._last_pose_ns < POSE_STEP_NS:
+            return False
+        self._last_pose_ns = pose.time_ns
+        if pose.time_ns < self._takeoff[0]:
+            self._takeoff = pose.time_ns, pose.altitude_amsl_m - pose.altitude_relative_m
+        self._poses.extend(
+            (
+                pose.time_ns,
+                pose.latitude_deg,
+                pose.longitude_deg,
+                pose.altitude_relative_m,
+                *pose.quaternion_wxyz,
+            )
+        )
+        return True
+
+    def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> bool:
+        """Add what the autopilot reports of arming and landing; False if nothing changed."""
+        return self._states.add(time_ns, armed, landed)
+
+    def columns(self, *, goes_on: bool) -> Columns:
+        """Copy everything, for another thread."""
+        pulses = np.frombuffer(self._pulses, np.float64) if self._pulses else np.empty(0)
+        poses = np.frombuffer(self._poses, np.float64) if self._poses else np.empty(0)
+        return Columns(
+            pulses=pulses.reshape(-1, PULSE_WIDTH).T.copy(),
+            poses=poses.reshape(-1, POSE_WIDTH).T.copy(),
+            on_ground_ns=self._states.spans(),
+            takeoff_amsl_m=self._takeoff[1],
+            goes_on=goes_on,
+        )

@@ -1,0 +1,64 @@
+"""Routes by which a page asks for motions of the drone."""
+
+import asyncio
+from typing import Any
+
+from starlette.requests import Request
+
+from uavrt.ground.link.flying import Flying
+from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.web.foreign_requests import area_in_body
+from uavrt.ground.web.foreign_worker import ForeignWorker
+from uavrt.ground.web.foresight import Foresight, foresight_desk
+from uavrt.ground.web.map_desk import asks_again
+from uavrt.ground.web.routing import Row, json_body, page_of
+
+
+class MotionApi:
+    """The motions of one vehicle."""
+
+    def __init__(self, flying: Flying, store: GroundStore, worker: ForeignWorker) -> None:
+        self._flying, self._store, self._worker = flying, store, worker
+        self._foresight = foresight_desk()
+
+    def routes(self) -> list[Row]:
+        """List the routes."""
+        return [
+            Row("/motion/area", "POST", self.area),
+            Row("/motion/plan", "POST", self.plan),
+            Row("/motion/coverage", "POST", self.coverage),
+            Row("/motion/upload", "POST", self.upload, commands=True),
+            Row("/motion/ask", "POST", self.ask, commands=True),
+            Row("/motion/confirm", "POST", self.confirm, commands=True),
+            Row("/motion/stop", "POST", self.stop),
+        ]
+
+    async def area(self, request: Request) -> Any:
+        """Corners of an area: ``{"name": …, "text": …}`` of a file, or centre and radius."""
+        return await self._worker.call(area_in_body, await request.body())
+
+    async def plan(self, request: Request) -> Any:
+        """Where a motion would lead; the drone is not asked."""
+        return self._flying.plan(await json_body(request))
+
+    async def coverage(self, request: Request) -> Any:
+        """The map of where a tag would be heard along a plan, or how far it is."""
+        store, wanted = self._store, await json_body(request)
+        asked = Foresight.asked(wanted, store.tags, store.settings.antenna_choice)
+        return await asyncio.to_thread(self._foresight.answer, asked, again=asks_again(wanted))
+
+    async def upload(self, request: Request) -> Any:
+        """Give a survey to the autopilot as its mission. Nothing moves by it."""
+        return await self._flying.upload(await json_body(request), self._worker.call)
+
+    async def ask(self, request: Request) -> Any:
+        """Ask the drone for a motion: its offer, or its reason not to. Nothing moves by it."""
+        return await self._flying.ask(await json_body(request), page_of(request))
+
+    async def confirm(self, request: Request) -> Any:
+        """Confirm the offer, ``{"order_id": …, "sticks_unseen": false}``: it moves."""
+        return await self._flying.confirm(await json_body(request), page_of(request))
+
+    async def stop(self, request: Request) -> Any:
+        """Take the drone back: it stands. Everybody may."""
+        return await self._flying.stop()
