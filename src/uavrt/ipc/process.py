@@ -72,7 +72,7 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record to the supervisor, who passes it on, with the next report.
+        """Send a record to the supervisor, which passes it on, with the next report.
 
         All records of one turn of the loop go together: each sending wakes the supervisor.
         """
@@ -86,7 +86,7 @@ class ProcessFrame:
                 self.clock = Clock(record.clock_offset_ns)
         return records
 
-    def tell(self, severity: int, text: str) -> None:
+    def notify(self, severity: int, text: str) -> None:
         """Send a text to the operator."""
         self.send("status_text", StatusText(severity=severity, text=text))
 

@@ -178,7 +178,7 @@ class ConnectionProcess:
             lambda: self._link.component.parameters_bytewise,
             send=self._send_parameter,
             ask=lambda command: frame.send("command", command),
-            tell=self._say,
+            notify=self._say,
             running=flight is not None and flight.capture_s is None,
         )
         self._outlet = PulseOutlet(
@@ -644,7 +644,7 @@ class ConnectionProcess:
         self._named_values.heard(pulse, now_ns)
         text = self._heard_tags.text(pulse)
         if text is not None and self._status.tag_text(text, now_ns):
-            self._heard_tags.told(pulse.tag_id)
+            self._heard_tags.sent(pulse.tag_id)
 
     def _counters(self) -> dict[str, float]:
         return {

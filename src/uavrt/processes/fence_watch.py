@@ -1,7 +1,7 @@
-"""The autopilot's own fence, read over its link for the guide. No I/O.
+"""Reads the autopilot's own fence over its link, for the guide. No I/O.
 
-It is read when the autopilot is found and every half minute while nothing is flown: somebody
-may draw another one.
+It is read when the autopilot is found and every half minute while nothing is flown, because the
+operator may change it.
 """
 
 from collections import Counter
@@ -23,27 +23,26 @@ AGAIN_S = 30.0
 
 
 class FenceWatch:
-    """The state of the watch.
+    """State of the reading.
 
-    `send`: sends a message to the autopilot.
-    `tell`: takes what was read.
-    `place`: our own system and component id; the autopilot's system is the same.
+    `send`: sends a message to the autopilot. `publish`: receives the fence. `place`: our own
+    system and component id; the autopilot's system is the same.
     """
 
     def __init__(
         self,
         send: Callable[[Message], None],
-        tell: Callable[[VehicleFence], None],
+        publish: Callable[[VehicleFence], None],
         place: Callable[[], tuple[int, int]],
     ) -> None:
-        self._send, self._tell, self._place = send, tell, place
+        self._send, self._publish, self._place = send, publish, place
         self._download: MissionDownload | None = None
         self._next_s = -inf
         self._known: VehicleFence | None = None
         self._counted: Counter[str] = Counter()
 
     def autopilot_found(self) -> None:
-        """Know nothing: it is another autopilot, or the first."""
+        """Discard the fence, since the autopilot may be another one."""
         self._download, self._known, self._next_s = None, None, -inf
 
     def vehicle(self, message: Message, now_s: float) -> None:
@@ -55,7 +54,7 @@ class FenceWatch:
             self._end(download)
 
     def tick(self, now_s: float, *, resting: bool) -> None:
-        """Ask for what is due; nothing new while something is flown."""
+        """Request what is due; start no new reading while something is flown."""
         if self._download is None and resting and now_s >= self._next_s:
             own = self._place()
             peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)
@@ -65,13 +64,13 @@ class FenceWatch:
             self._send_all(self._download.due(now_s))
             self._end(self._download)
 
-    def tell_again(self) -> None:
-        """Repeat what was read: the guide is a new one."""
+    def repeat(self) -> None:
+        """Publish the fence again, for a restarted guide."""
         if self._known is not None:
-            self._tell(self._known)
+            self._publish(self._known)
 
     def counters(self) -> dict[str, float]:
-        """What was read and asked for again, for a health record."""
+        """Counts of readings and repeated requests, for a health record."""
         return {f"fence_{name}": float(count) for name, count in self._counted.items()}
 
     def _end(self, download: MissionDownload) -> None:
@@ -96,7 +95,7 @@ class FenceWatch:
                 fault=fence.fault,
             )
         self._known = fence
-        self._tell(fence)
+        self._publish(fence)
 
     def _send_all(self, messages: list[Message]) -> None:
         for message in messages:

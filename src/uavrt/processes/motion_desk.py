@@ -439,7 +439,7 @@ class MotionDesk:
             if authority is not None and wish.ends and wish.order_id is None:
                 authority.stop(now_s, "the guide has restarted")
                 self._watch(now_s)
-                self._fence.tell_again()
+                self._fence.repeat()
             return
         authority.planner_alive(now_s)
         if self._stop_by_s:

@@ -101,7 +101,7 @@ def test_of_another_autopilot_nothing_is_known() -> None:
     watched = Watched()
     watched.run(1.0)
     watched.watch.autopilot_found()
-    watched.watch.tell_again()
+    watched.watch.repeat()
     assert len(watched.told) == 1
     watched.run(1.0)
     assert len(watched.told) == 2

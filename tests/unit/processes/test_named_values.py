@@ -114,7 +114,7 @@ def test_a_silence_is_thirty_seconds_or_ten_of_the_longest_interval() -> None:
 
     def text(tag_id: int, at_s: float) -> str | None:
         answer = heard.text(made.pulse(round(at_s * S), tag_id=tag_id))
-        heard.told(tag_id)
+        heard.sent(tag_id)
         return answer
 
     assert text(7, 0.0) == "Tag 7 heard: 20.0 dB"
@@ -132,7 +132,7 @@ def test_a_text_that_was_too_many_comes_with_the_next_pulse() -> None:
     first = made.pulse(0, snr_db=10.0)
     assert heard.text(first) == "Tag 2 heard: 10.0 dB"
     assert heard.text(made.pulse(S, snr_db=11.0)) == "Tag 2 heard: 11.0 dB"
-    heard.told(2)
+    heard.sent(2)
     assert heard.text(made.pulse(2 * S)) is None
 
 

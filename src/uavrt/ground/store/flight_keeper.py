@@ -28,10 +28,10 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, ToldStates
+from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, GroundStates
 from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 from uavrt.recording.flight_order import copy_beside
-from uavrt.recording.flight_reader import told_in
+from uavrt.recording.flight_reader import ground_states_in
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout, new_flight_directory
 from uavrt.recording.plain_database import open_plain
@@ -109,7 +109,7 @@ class FlightKeeper:
         """Contents discarded because their burst did not come."""
         self._pulses = array("d")
         self._poses = array("d")
-        self._told = ToldStates()
+        self._told = GroundStates()
         self._last_pose_ns = 0
         self._takeoff: tuple[float, float] = math.inf, math.nan
         """Time of the first pose [ns], and the height above sea level that it counts from."""
@@ -189,7 +189,7 @@ class FlightKeeper:
                 self._forget(flight_id, start_ns)
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
                 self._keys.update(keys.fetchall())
-                self._told = told_in(database)
+                self._told = ground_states_in(database)
         except (RecordingError, sqlite3.Error, TypeError) as error:
             log.warning("flight not resumed", flight=flight_id, reason=str(error))
             self._writer.end()
@@ -403,6 +403,6 @@ class FlightKeeper:
         self.flight_id, self.start_time_ns = flight_id, start_time_ns
         self._keys.clear()
         self._pulses, self._poses = array("d"), array("d")
-        self._told = ToldStates()
+        self._told = GroundStates()
         self._last_pose_ns = 0
         self._takeoff = math.inf, math.nan
