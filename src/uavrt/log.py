@@ -129,10 +129,10 @@ def _json(level: str, event: str, facts: dict[str, Any]) -> str:
 
 def in_words(event: str, facts: dict[str, Any]) -> str:
     """Say an event and its facts to people: ``3 samples lost (in all 7)``."""
-    told = dict(facts)
-    count = told.pop("count", None)
+    others = dict(facts)
+    count = others.pop("count", None)
     text = event if count is None else f"{count} {event}"
-    details = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in told.items())
+    details = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in others.items())
     return f"{text} ({details})" if details else text
 
 

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 """How sure a pulse is: below the threshold (seen by a track), above it, or part of a track.
-
-*integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire.
-"""
+*integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire."""
 
 _SAME_SENDER_HZ = 300.0
 """Frequencies of one sender, measured twice, differ by less."""

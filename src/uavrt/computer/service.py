@@ -38,11 +38,8 @@ DEVICES = (
     "char-ttyS",
     "char-ttyTHS",
 )
-"""Kernel names (``/proc/devices``) of USB radios and serial ports.
-
-USB cables, boards with a USB port of their own, the Raspberry Pi's, a PC's and the Jetson's
-pins.
-"""
+"""Kernel names (``/proc/devices``) of USB radios and serial ports. USB cables, boards with a
+USB port of their own, the Raspberry Pi's, a PC's and the Jetson's pins."""
 _TEMPORARY = (Path("/tmp"), Path("/var/tmp"))
 _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
 

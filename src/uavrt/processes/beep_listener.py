@@ -16,8 +16,8 @@ from uavrt.messages import Beep, IQBlock
 log = get_logger()
 
 MOST_WAITING: Final = 6
-"""Blocks that may wait for the search, 12 MB at 3 MS/s; further ones are dropped and counted.
-"""
+"""Blocks that may wait for the search, 12 MB at 3 MS/s; further ones are dropped and
+counted."""
 _CLOSE_S: Final = 2.0
 """Longest wait for the search to end when closing [s]."""
 

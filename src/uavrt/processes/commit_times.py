@@ -3,8 +3,8 @@
 PULSES_S = 3.0
 """Longest time until a pulse is committed, and shortest time between such commits [s]."""
 OTHERS_S = 15.0
-"""Longest time until vehicle poses, health and texts are committed [s]; a power cut loses them.
-"""
+"""Longest time until vehicle poses, health and texts are committed [s]; a power cut loses
+them."""
 RETRY_S = 1.0
 """Wait after a failed commit [s]."""
 

@@ -34,10 +34,8 @@ FAULTS_OF_A_TAG = 2
 """Failures of a detector after which its tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age above which samples count as backlog, e.g. after a restart [ns].
-
-Blocks and filters alone delay them by 0.2 s.
-"""
+"""Age above which samples count as backlog, e.g. after a restart [ns]. Blocks and filters alone
+delay them by 0.2 s."""
 
 
 class DetectorBank:

@@ -21,10 +21,8 @@ NICENESS = 10
 """Low priority, so that it takes no time from the detectors."""
 TICK_S = 0.2
 REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
-"""Times after which a turn's last bearing is repeated [ns].
-
-With 50 % packet loss, one of the six copies arrives with probability 0.98.
-"""
+"""Times after which a turn's last bearing is repeated [ns]. With 50 % packet loss, one of the
+six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
 """Shortest time between two messages [ns]; 64 bytes each, a fifth of the slowest link."""
 SHARE = 9

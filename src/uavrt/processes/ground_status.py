@@ -29,15 +29,13 @@ COMPUTER_NS = ns_from_s(10.0)
 """Time between two reports of the computer's load [ns]; 250 bytes, 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
-"""Time between two reports of a lasting fault [ns]; 200 bytes, below 1 % of the slowest link.
-"""
+"""Time between two reports of a lasting fault [ns]; 200 bytes, below 1 % of the slowest
+link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Time between two search reports of the same tag [ns]; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
-"""Time between two signs of life of a tag's detector [ns].
-
-The original ground station expects one within K + 1 intervals and a second, about 6 s.
-"""
+"""Time between two signs of life of a tag's detector [ns]. The original ground station expects
+one within K + 1 intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
 """Additional time for each tag [ns], which limits them to 10 small messages a second."""
 BEEP_NS = ns_from_s(5.0)

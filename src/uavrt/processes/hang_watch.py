@@ -16,10 +16,8 @@ from types import FrameType, TracebackType
 LOOK_S = 0.8
 """Processor time between two checks [s]."""
 LOOKS = 5
-"""Checks at the same turn that mean a hang: 3.2 to 4 s.
-
-The supervisor waits 5 s for a sign of life; a tag's longest turn takes some tenths of a second.
-"""
+"""Checks at the same turn that mean a hang: 3.2 to 4 s. The supervisor waits 5 s for a sign of
+life; a tag's longest turn takes some tenths of a second."""
 
 
 class SearchHangs(RuntimeError):

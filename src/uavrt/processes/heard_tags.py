@@ -7,10 +7,8 @@ from uavrt.units import s_from_ns
 
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
-"""Silence after which a tag counts as found again [pulse intervals; s], the longer one.
-
-Longer than the antenna's back takes in a turn, or one or two lost groups.
-"""
+"""Silence after which a tag counts as found again [pulse intervals; s], the longer one. Longer
+than the antenna's back takes in a turn, or one or two lost groups."""
 
 
 class HeardTags:

@@ -29,10 +29,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 log = get_logger()
 
 POSE_PERIOD_NS = 50_000_000
-"""Time between recorded poses [ns].
-
-Interpolation over 50 ms errs by less than 0.1° when a turn of 60°/s begins.
-"""
+"""Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° when a turn
+of 60°/s begins."""
 OWN_POSE_PERIOD_NS = 250_000_000
 """Time between recorded poses without an autopilot, where turns are slower [ns]."""
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND

@@ -27,10 +27,8 @@ FLIGHTS = 4
 """Flights whose pulses may still be on their way; as many as the recorder notes."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Deliveries that the recorder may not have noted yet: their number, and their age [ns].
-
-It commits every three seconds; after a longer delay some pulses are sent twice.
-"""
+"""Deliveries that the recorder may not have noted yet: their number, and their age [ns]. It
+commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 

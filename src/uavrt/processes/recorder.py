@@ -47,10 +47,8 @@ AFTER_ALL_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
 """Earlier flights whose last pulses may still be on their way."""
 POSE_PATIENCE_S = 7.0
-"""Wait for a pulse's pose beyond `AntennaSettings.pose_wait_s` [s].
-
-A connection that hangs is replaced after 5 s and is back within two more.
-"""
+"""Wait for a pulse's pose beyond `AntennaSettings.pose_wait_s` [s]. A connection that hangs is
+replaced after 5 s and is back within two more."""
 MOST_LOOKED_UP = 1_000
 """Pulses without a pose that are read from the database at once."""
 MOST_UNSAID = 100_000

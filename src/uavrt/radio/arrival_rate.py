@@ -18,10 +18,8 @@ _MOST_OFF: Final = 0.02
 _SETTLED: Final = 0.01
 """Difference at which the rate is right again, as a share of the requested rate."""
 _CATCHES_UP_S: Final = 0.03
-"""Difference to the delay before a pause at which a sender has caught up [s].
-
-It is below the change over `_STRETCHES` that is reported.
-"""
+"""Difference to the delay before a pause at which a sender has caught up [s]. It is below the
+change over `_STRETCHES` that is reported."""
 _OTHER: Final = 0.1
 """Share by which a wrong rate must change to be reported again."""
 

@@ -18,10 +18,8 @@ from uavrt.radio.live_source import DatagramSource
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 TOLERANCE_S: Final = 0.005
-"""Difference to the expected stamp within which a frame counts as the next [s].
-
-The thesis's stamps are cut to 1 ms; the original's step by 5.4 ms when it restarts its count.
-"""
+"""Difference to the expected stamp within which a frame counts as the next [s]. The thesis's
+stamps are cut to 1 ms; the original's step by 5.4 ms when it restarts its count."""
 HELD_FRAMES: Final = 4
 """Later frames that end the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5

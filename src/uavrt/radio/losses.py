@@ -32,17 +32,13 @@ SLOWEST_RATE: Final = 75e-6
 """Largest rate error of crystals; beyond it there are small losses."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
-"""Length up to which a loss about a transfer is put half before it and half after [s].
-
-So no sample is off by more than half of it.
-"""
+"""Length up to which a loss about a transfer is put half before it and half after [s]. So no
+sample is off by more than half of it."""
 _CELLS: Final = 100
 """Number of cells kept: two seconds."""
 _WINDOW_S: Final = 1.0
-"""Longest stretch that is judged [s], or this many cells where writes are long.
-
-rtl_sdr's own writes are half a second at 250 kS/s.
-"""
+"""Longest stretch that is judged [s], or this many cells where writes are long. rtl_sdr's own
+writes are half a second at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
 """Least number of late cells of a loss; two stalls in a row make fewer."""
@@ -73,11 +69,9 @@ _SURE_SHARE: Final = 0.0008
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _RAMPS: Final = ((5.0, 0.09, 2.0, 0.005), (20.0, 0.02, 1.2, 0.0))
-"""Limits that identify a slow source: span [s], rise of lateness, and scatter about a line.
-
-The rise is a share of the span, the scatter in jitters plus a share of the rise. Losses of a
-twentieth of the samples scatter by more, even losses of 1 ms.
-"""
+"""Limits that identify a slow source: span [s], rise of lateness, and scatter about a line. The
+rise is a share of the span, the scatter in jitters plus a share of the rise. Losses of a
+twentieth of the samples scatter by more, even losses of 1 ms."""
 _LEAST_POINTS: Final = 6
 _MAY_SCATTER: Final = 0.015
 """Scatter, as a share of the rise, below which a loss waits: the source may be slow."""

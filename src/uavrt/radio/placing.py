@@ -23,10 +23,8 @@ _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Time within which bytes belong to one write of the radio's program [ns]."""
 _LONG_WRITE_S: Final = 0.040
-"""Length of a write above which a loss in it is put into its middle [s].
-
-A loss in a shorter one is put after it, so that no sample before the loss is wrong.
-"""
+"""Length of a write above which a loss in it is put into its middle [s]. A loss in a shorter
+one is put after it, so that no sample before the loss is wrong."""
 _LEAST_S: Final = 0.001
 """Least time before a late arrival that makes a block of its own [s]."""
 

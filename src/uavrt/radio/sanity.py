@@ -6,11 +6,8 @@ from uavrt.errors import RadioGarbled, RadioStalled
 from uavrt.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
-"""Mean power of a block above which it is no signal.
-
-Full scale is 1 in I and in Q, so 2 is a square wave at both stops; random bytes read as floats
-give 10⁷⁶.
-"""
+"""Mean power of a block above which it is no signal. Full scale is 1 in I and in Q, so 2 is a
+square wave at both stops; random bytes read as floats give 10⁷⁶."""
 DEAD_S = 1.0
 """Duration of exact zeros that means a dead radio [s]; noise is at least one converter step."""
 

@@ -24,10 +24,8 @@ from uavrt.radio.placing import HOLD_S
 BLOCK_S: Final = 0.0874
 """Approximate block length [s]; longer adds latency, shorter adds wake-ups."""
 _WRITE: Final = 16384
-"""Radio programs write multiples of this many samples (airspy_rx 65 536).
-
-A block that is a multiple, too, needs no extra write: 262 144 at 3 MS/s.
-"""
+"""Radio programs write multiples of this many samples (airspy_rx 65 536). A block that is a
+multiple, too, needs no extra write: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
 """Largest pipe that Linux gives without privilege (/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)

@@ -7,10 +7,8 @@ from typing import Any, Final
 from uavrt.errors import ConfigError, RadioError
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
-"""Buffer requested for each socket: 1.4 s of a 375 kS/s band, minutes of one channel.
-
-The system gives at most /proc/sys/net/core/rmem_max.
-"""
+"""Buffer requested for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
+system gives at most /proc/sys/net/core/rmem_max."""
 
 _OTHER_PORT: Final = "End the other program that listens there, or choose another port"
 _REMEDIES: Final = {

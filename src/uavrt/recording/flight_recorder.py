@@ -51,10 +51,8 @@ CHECKPOINT_S = 2.0
 """Time between checkpoints without a sync at each commit [s]; the most a power cut loses."""
 
 WAL_BYTES = 4_000_000
-"""Size at which the write-ahead log is folded into the database, after some ten minutes.
-
-Pages rewritten meanwhile are copied once; reading the log takes 10 ms.
-"""
+"""Size at which the write-ahead log is folded into the database, after some ten minutes. Pages
+rewritten meanwhile are copied once; reading the log takes 10 ms."""
 
 LEAST_FREE_BYTES = 1_000_000
 """Free space below which a commit may be refused at any moment."""

@@ -31,10 +31,8 @@ from uavrt.simulation.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
 SAMPLE_RATES_HZ = (3_000_000, 6_000_000, 2_500_000, 10_000_000)
-"""Of the Airspy Mini, then of the R2; without -a the first one is used.
-
-The scenario may give its radio another rate, which is then taken as well.
-"""
+"""Of the Airspy Mini, then of the R2; without -a the first one is used. The scenario may give
+its radio another rate, which is then taken as well."""
 BUFFERS = 8
 """libairspy queues as many filled buffers for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD

@@ -54,10 +54,8 @@ DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
 """MAV_SEVERITY_WARNING; lower numbers are worse."""
 LAST_PULSES_S = 1.0
-"""Longest wait for the last pulses' poses, beyond `AntennaSettings.pose_wait_s` [s].
-
-Usually 0.1 s; poses lost with a killed process are later filled in by the recorder.
-"""
+"""Longest wait for the last pulses' poses, beyond `AntennaSettings.pose_wait_s` [s]. Usually
+0.1 s; poses lost with a killed process are later filled in by the recorder."""
 CLOSE_S = 5.0
 """Longest wait until the recorder has closed a flight [s]; it takes 0.1 s."""
 

@@ -16,10 +16,8 @@ Wanted = Callable[[], bool]
 
 CHUNK_BYTES = 1 << 20
 SYNC_BYTES = 8 * CHUNK_BYTES
-"""Most bytes waiting to be written to the drive; a slow flash drive takes 5 MB a second.
-
-A process that ends while the kernel writes is kept until that is done.
-"""
+"""Most bytes waiting to be written to the drive; a slow flash drive takes 5 MB a second. A
+process that ends while the kernel writes is kept until that is done."""
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:

@@ -29,10 +29,8 @@ REMOVABLE = ("/media/", "/run/media/")
 """Directories where desktops and udiskie mount drives (udisks2)."""
 
 END_S = 1.5
-"""Longest wait for a job when the system ends [s].
-
-It writes 8 MB at most before it ends, and the whole stop may take 3 s.
-"""
+"""Longest wait for a job when the system ends [s]. It writes 8 MB at most before it ends, and
+the whole stop may take 3 s."""
 
 _ESCAPED = re.compile(r"\\([0-7]{3})")
 

@@ -47,10 +47,8 @@ REPLIES_KEPT = 64
 LAST_FLIGHTS = 3
 """Number of ended flights that connection and recorder still serve."""
 RESUME_WITHIN_S = 900.0
-"""Age of a flight up to which detection resumes after a restart of the computer [s].
-
-Covers a battery change or a brown-out in the air, but not last week's flight.
-"""
+"""Age of a flight up to which detection resumes after a restart of the computer [s]. Covers a
+battery change or a brown-out in the air, but not last week's flight."""
 
 Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningQuestion], Tuning]

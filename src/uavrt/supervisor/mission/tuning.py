@@ -21,10 +21,8 @@ from uavrt.messages import Tag
 from uavrt.supervisor.start.launcher import Launcher
 
 TIMEOUT_S = 15.0
-"""Longest wait for the plan [s]; the imports take 0.3 s, measuring a long list 2 s.
-
-On a busy small computer several times that.
-"""
+"""Longest wait for the plan [s]; the imports take 0.3 s, measuring a long list 2 s. On a busy
+small computer several times that."""
 UNMEASURED_TAGS = 100
 """Number of tags that two cores of a small computer can always search."""
 

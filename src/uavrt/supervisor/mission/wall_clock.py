@@ -7,9 +7,7 @@ NOTED_S = 0.5
 """Smallest correction that is noted [s]; NTP slews half a second in 17 minutes at most."""
 AGAIN_S = 15.0
 """Time after which a wrong time is reported again [s], for a station that connects later.
-
-Longer than the ten seconds in which the connection suppresses repeated texts.
-"""
+Longer than the ten seconds in which the connection suppresses repeated texts."""
 
 
 class WallClockWatch:

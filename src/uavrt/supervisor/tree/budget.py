@@ -5,10 +5,8 @@ from collections import deque
 WINDOW_S = 20.0
 """Time over which CPU is averaged [s], so that an import or a slow disk is no fault."""
 SLOWER = 4.0
-"""Factor allowed beyond the rows' figures, for a Raspberry Pi 5 core.
-
-The rows hold for the reference machine with 100 tags.
-"""
+"""Factor allowed beyond the rows' figures, for a Raspberry Pi 5 core. The rows hold for the
+reference machine with 100 tags."""
 REPEAT_S = 300.0
 
 

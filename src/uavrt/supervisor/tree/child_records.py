@@ -10,11 +10,9 @@ import select
 from collections.abc import Callable
 
 PERIOD_S = 0.05
-"""Time between two reads under load [s].
-
-A pulse passes here three times on its way to the ground, so it is delayed by 0.15 s at most and
-by half of it in the mean; a radio block is 87 ms.
-"""
+"""Time between two reads under load [s]. A pulse passes here three times on its way to the
+ground, so it is delayed by 0.15 s at most and by half of it in the mean; a radio block is 87
+ms."""
 
 
 class Intake:

@@ -69,10 +69,8 @@ class ProcessRow:
     configured: Callable[[Settings], bool] = on_every_drone
     """Whether these settings need it at all."""
     backlog: int | None = None
-    """Most records of a topic that are queued for it, also of otherwise lossless topics.
-
-    Give more than arrive at once: groups of a hundred tags have hundreds of pulses.
-    """
+    """Most records of a topic that are queued for it, also of otherwise lossless topics. Give
+    more than arrive at once: groups of a hundred tags have hundreds of pulses."""
     says_taken: bool = False
     """Whether it reports its progress by `taken`; the rest is sent again to its successor."""
     per_worker: bool = False
