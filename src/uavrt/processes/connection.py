@@ -372,7 +372,7 @@ class ConnectionProcess:
             self._tell_session(now_ns)
             own_pose = self._poses.due(now_ns)
             if own_pose is not None:
-                self._link.component.tell_pose(own_pose, now_ns)
+                self._link.component.send_pose(own_pose, now_ns)
             if self._state is not None:
                 self._status.tick(self._shown_state(self._state), now_ns)
             stations = self._link.stations_silent_s().keys()

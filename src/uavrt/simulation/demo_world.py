@@ -21,7 +21,7 @@ SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
 """A full turn: 46°/s in the mean, 57.7°/s at most."""
 CODED_HZ = 148_640_000.0
-_BESIDE_M = 120.0
+_APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
 """With the antenna on a tag, from the middle of the three points, without fading."""
@@ -66,12 +66,12 @@ def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
     `first`: world of the first.
     """
     return [
-        replace(first, flight=_beside(first.flight, number * -_BESIDE_M, number * _ABOVE_M))
+        replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
     ]
 
 
-def _beside(flight: Flight, north_m: float, up_m: float) -> Flight:
+def _moved(flight: Flight, north_m: float, up_m: float) -> Flight:
     legs = tuple(
         replace(
             leg,

@@ -73,14 +73,14 @@ class Flown:
         )
         self.channels_us = (CENTRE_US,) * 4 if sticks else ()
         self._time_ns = start.time_ns
-        self._mode_told = self.vehicle.mode
+        self._mode_reported = self.vehicle.mode
         self._writer = None if path is None else PathWriter(path)
 
     def advance(self, now_ns: int) -> bool:
         """Fly until now; True when the mode has changed."""
         mode = self.vehicle.mode
-        changed = mode != self._mode_told
-        self._mode_told = mode
+        changed = mode != self._mode_reported
+        self._mode_reported = mode
         gone: list[tuple[Pose, float]] = []
         while self._time_ns + STEP_NS <= now_ns:
             self._time_ns += STEP_NS

@@ -33,8 +33,8 @@ def load_scenario(path: str | Path) -> Scenario:
     dem = scenario.terrain.dem
     if dem is None:
         return scenario
-    beside = str((Path(path).parent / dem).resolve())
-    return replace(scenario, terrain=replace(scenario.terrain, dem=beside))
+    dem_path = str((Path(path).parent / dem).resolve())
+    return replace(scenario, terrain=replace(scenario.terrain, dem=dem_path))
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:

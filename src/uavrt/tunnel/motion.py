@@ -1,6 +1,6 @@
-"""Orders of motion and the drone's answers, between ground station and drone.
+"""Motion orders and the drone's answers, between ground station and drone.
 
-An order asks for a motion, confirms an offer or stops; it is sealed except to a simulator. The
+An order requests a motion, confirms an offer or stops; it is sealed except to a simulator. The
 answer is an offer, a refusal or a state. Layouts: payload types 60005 and 60006 of the manual's
 tunnel reference.
 """
@@ -46,7 +46,7 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""What fits into a seal's 108 bytes."""
+"""Most places, which fit into a seal's 108 bytes."""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",
@@ -76,14 +76,14 @@ class MotionConfirmation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionStop:
-    """Take the drone out of our hands."""
+    """Ends our command of the drone."""
 
     request_id: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionState:
-    """What became of an order, or the current state."""
+    """State of an order, or the current state."""
 
     kind: StateKind
     standing: Standing
@@ -94,10 +94,7 @@ class MotionState:
 
 
 def encode_request(request: MotionRequest) -> bytes:
-    """Write what is asked for.
-
-    Raises `UsageError`: it has too many places, or they are too far apart.
-    """
+    """Write a request; raises `UsageError` for too many places, or places too far apart."""
     kept = request.keep_out
     places = (*request.places, *(place for one in kept for place in one.places))
     if len(places) > MAX_PLACES:
@@ -161,7 +158,7 @@ def _sought(request: MotionRequest) -> bytes:
 
 
 def _kept(one: KeepOut) -> bytes:
-    """Write a place to keep out of, without its corners."""
+    """Write a keep-out area, without its corners."""
     try:
         radius = 0 if one.radius_m is None else max(1, ceil(one.radius_m))
         return _KEPT.pack(len(one.places), radius)
@@ -187,12 +184,12 @@ def number_of(payload: bytes) -> int:
 
 
 def is_stop(payload: bytes) -> bool:
-    """Whether a payload takes the drone out of our hands."""
+    """Whether a payload is a stop."""
     return payload[1:2] == bytes((_STOPS,))
 
 
 def is_confirmation(payload: bytes) -> bool:
-    """Whether a payload confirms."""
+    """Whether a payload is a confirmation."""
     return payload[1:2] == bytes((_CONFIRMS,))
 
 
@@ -239,7 +236,7 @@ def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
 
 
 def _with_places(request: MotionRequest, body: bytes, kept: int) -> MotionRequest:
-    """Read the corners of the area, and of the places to keep out of."""
+    """Read the corners of the area, and of the keep-out areas."""
     shapes = [_KEPT.unpack_from(body, _KEPT.size * number) for number in range(kept)]
     places = _places(body[_KEPT.size * kept :])
     first = len(places) - sum(count for count, _ in shapes)
@@ -263,9 +260,9 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 
 
 def cut_text(text: str, tail: str = "") -> str:
-    """A text that fits with its tail; what is cut ends with a whole word and an ellipsis.
+    """Cut a text so that its tail fits; the cut ends with a whole word and an ellipsis.
 
-    `text`, `tail`: the tail is what must be read: it is left out of no text.
+    `tail` must be read and is never cut.
     """
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:
@@ -277,7 +274,7 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """A text without control characters: it is written to terminals, and is not sealed."""
+    """A text without control characters: it goes to terminals, and is not sealed."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 
