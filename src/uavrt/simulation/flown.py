@@ -18,7 +18,7 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""PX4 1.17 sends CURRENT_MODE at 2 Hz whatever is asked."""
+"""Period of PX4 1.17's CURRENT_MODE, whatever is requested [ns]."""
 FLOWN_IDS = frozenset(
     {
         dialect.GlobalPositionInt.ID,
@@ -37,17 +37,16 @@ ASKED_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
     "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""What can be asked for: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE; each has its wind."""
+"""Messages that can be requested: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
 CENTRE_US = 1500
 
 
 class Flown:
     """The vehicle in real time.
 
-    `start`: where it hovers until it is commanded.
-    `sticks`: a remote control is switched on.
-    `path`: file in which it leaves where it was (`uavrt.simulation.flown_path`).
-    `on_ground`: it stands below its start, disarmed, instead.
+    `start`: where it hovers until it is commanded. `sticks`: a remote control is switched on.
+    `path`: file to which it writes its path (`uavrt.simulation.flown_path`). `on_ground`: it
+    stands below its start, disarmed, instead.
     """
 
     def __init__(
@@ -105,7 +104,7 @@ class Flown:
         )
 
     def message(self, message_id: int, boot_ms: int) -> Message | None:
-        """Write one message; None where there is nothing to tell."""
+        """Write one message; None without data."""
         match message_id:
             case dialect.GlobalPositionInt.ID:
                 return self.vehicle.position(boot_ms)
@@ -134,7 +133,7 @@ class Flown:
         )
 
     def status(self) -> dialect.SysStatus:
-        """What is left in the battery."""
+        """Battery status."""
         return dialect.SysStatus(
             load=300,
             voltage_battery=16_200,
