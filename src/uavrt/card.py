@@ -96,7 +96,7 @@ def _takes_nothing(directory: Path) -> bool:
 
 
 def _mounts() -> Iterator[tuple[str, str, str]]:
-    """Device, place and type of mounted file systems, later ones first (proc(5))."""
+    """Device, place and type of mounted file systems, in the order of mounting (proc(5))."""
     with suppress(OSError):
         for line in MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines():
             device, where, kind, *_ = line.split(" ")

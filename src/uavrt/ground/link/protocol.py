@@ -25,7 +25,7 @@ from uavrt.messages import (
     Tag,
 )
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode
-from uavrt.tunnel.convert import pulse_from_wire, tag_of_number, has_place
+from uavrt.tunnel.convert import has_place, pulse_from_wire, tag_of_number
 from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
 from uavrt.tunnel.g1 import STATES, AckG1, Heartbeat, PulseG1
 from uavrt.tunnel.g2 import (
