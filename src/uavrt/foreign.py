@@ -116,7 +116,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
     written = 512 * getattr(about, "st_blocks", about.st_size)
     if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
         raise FormatError(
-            f"{name} is empty for the most part: {written:,} of {about.st_size:,} bytes",
+            f"{name} is mostly holes: {written:,} of {about.st_size:,} bytes",
             remedy="Copy it again",
         )
 

@@ -106,4 +106,6 @@ async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Findin
         text = f"{need.name} was {need.value:g}, is now {need.wanted:g}: {need.why}"
         return Finding(what=WHAT, ok=True, text=text), True
     remedy = "Set it in your ground station"
-    return Finding(what=WHAT, ok=False, text=f"{text}; it was not taken", remedy=remedy), False
+    return Finding(
+        what=WHAT, ok=False, text=f"{text}; the autopilot did not accept it", remedy=remedy
+    ), False

@@ -348,6 +348,7 @@ def _is_ed25519(pem: str) -> bool:
         )
     except FileNotFoundError:
         raise UsageError(
-            "there is no openssl to look at keys with", remedy="sudo apt install openssl"
+            "openssl is not installed: keys cannot be checked",
+            remedy="sudo apt install openssl",
         ) from None
     return listed.returncode == 0 and listed.stdout.upper().startswith(b"ED25519")

@@ -56,7 +56,7 @@ def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update
         raise UsageError(text, remedy="Let that end first: uavrt update --resume")
     present = place.current()
     if present.name == update.name:
-        raise UsageError(f"{update.version} is installed already, just this build of it")
+        raise UsageError(f"this build of {update.version} is already installed")
     version = version_of(present)
     if version_key(update.version) <= version_key(version) and not downgrade:
         raise UsageError(
@@ -195,7 +195,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
         said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
-            remedy="The version before goes on; report this, and see whether a setting in "
+            remedy="The previous version goes on; report this, and see whether a setting in "
             "uavrt.toml is the reason",
         )
 

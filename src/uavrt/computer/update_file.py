@@ -165,7 +165,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
         text = f"{path} is not uavrt {named}, as its name says"
         raise FormatError(text, remedy="Give the file the name that it was made with") from None
     except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
-        raise FormatError(f"{path} is no wheel: {error}", remedy=COPY_AGAIN) from error
+        raise FormatError(f"{path} is not a wheel: {error}", remedy=COPY_AGAIN) from error
     if (metadata["Name"], metadata["Version"]) != ("uavrt", named):
         raise FormatError(
             f"{path} holds {metadata['Name']} {metadata['Version']}, not uavrt {named}",
@@ -198,7 +198,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
             yield archive
     except (tarfile.TarError, EOFError, ValueError, OverflowError) as error:
         raise FormatError(
-            f"{path} is no update, or damaged: {error}", remedy=COPY_AGAIN
+            f"{path} is not an update, or is damaged: {error}", remedy=COPY_AGAIN
         ) from error
 
 
@@ -237,7 +237,9 @@ def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> byt
         raise FormatError(text, remedy=COPY_AGAIN) from None
     most = MOST_MANIFEST_BYTES if size is None else size
     if not member.isreg() or member.size > most or (size is not None and member.size != size):
-        raise FormatError(f"{archive.name!s}: {name} is not what it says", remedy=COPY_AGAIN)
+        raise FormatError(
+            f"{archive.name!s}: {name} does not match its manifest", remedy=COPY_AGAIN
+        )
     file = archive.extractfile(member)
     content = b"" if file is None else file.read()
     if len(content) != member.size:
@@ -256,7 +258,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
         raise FormatError(f"{path}: {MANIFEST} names files that are no wheels")
     if manifest.keys is not None and not split_keys(manifest.keys):
-        raise FormatError(f"{path}: the keys that it brings are none")
+        raise FormatError(f"{path}: its new keys are invalid")
     version_key(manifest.version)
     return manifest
 
@@ -282,8 +284,8 @@ def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> 
                 if _signed_by(place):
                     return
     raise UsageError(
-        f"{path} is not signed with a key that counts here, or was changed since",
-        remedy=f"{COPY_AGAIN}; the keys that count are in {keys}",
+        f"{path} is not signed with a key accepted here, or was changed since",
+        remedy=f"{COPY_AGAIN}; the accepted keys are in {keys}",
     )
 
 
@@ -293,12 +295,12 @@ def _trusted(keys: Path) -> list[str]:
         mode = stat.S_IMODE(keys.stat().st_mode)
     except OSError as error:
         raise UsageError(
-            f"no key counts here: {keys}: {error.strerror}",
-            remedy=f"Put the public key of who makes the updates there: sudo cp KEY.pem {keys}",
+            f"no accepted keys: {keys}: {error.strerror}",
+            remedy=f"Put the public key of the updates' maker there: sudo cp KEY.pem {keys}",
         ) from error
     if mode & 0o022:
         remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
-        raise UsageError(f"others than root may change {keys}", remedy=remedy)
+        raise UsageError(f"users other than root may change {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
         raise UsageError(f"there is no key in {keys}", remedy=remedy)
@@ -313,6 +315,6 @@ def _signed_by(place: Path) -> bool:
     except FileNotFoundError:
         remedy = "sudo apt install openssl"
         raise UsageError(
-            "there is no openssl to check signatures with", remedy=remedy
+            "openssl is not installed: signatures cannot be checked", remedy=remedy
         ) from None
     return done.returncode == 0

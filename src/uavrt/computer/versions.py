@@ -119,7 +119,7 @@ class Installation:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 remedy = "Wait until it has ended"
-                raise UsageError("another update is going on", remedy=remedy) from None
+                raise UsageError("another update is in progress", remedy=remedy) from None
             yield
 
 

@@ -52,8 +52,8 @@ def pose_address(settings: PoseSettings) -> Address | None:
         if missing:
             raise ConfigError(
                 f"a fixed station needs {', '.join(missing)}",
-                remedy="Write it into [pose] of the settings; with an antenna that hears alike "
-                "all around, heading_deg = 0 does",
+                remedy="Write it into [pose] of the settings; for an omnidirectional antenna, "
+                "heading_deg = 0 does",
             )
         return None
     if settings.source == "gpsd":

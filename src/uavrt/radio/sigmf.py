@@ -176,7 +176,7 @@ def _captures(
         try:
             time_ns = None if time_text is None else parse_iso_utc(_ns_text(time_text))
             if not 0 <= (time_ns or 0) < LAST_NS:
-                raise ValueError("not in our time")
+                raise ValueError("it is before 1970 or after 2116")
         except (ValueError, TypeError, OverflowError) as error:
             raise _fault(path, f"has core:datetime {time_text!r}", "Use ISO 8601") from error
         frequency_hz = _number(item, "core:frequency", path)

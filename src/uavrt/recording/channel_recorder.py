@@ -201,7 +201,7 @@ class ChannelRecorder:
                     self.trouble = "the disk is slow"
                     self._rest_until_s = monotonic_s() + REST_S
         except Exception as error:
-            log.exception("channels are not kept any more")
+            log.exception("channels no longer kept")
             self.trouble = str(error) or type(error).__name__
             with self._condition:
                 self._closing = True

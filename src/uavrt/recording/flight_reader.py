@@ -218,7 +218,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         if one is not None
     ]
     if not all(isinstance(one, int) and abs(one) < LATEST_NS for one in times_ns):
-        raise ValueError("a time in it is none")
+        raise ValueError("a time in it is invalid")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),

@@ -97,7 +97,7 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
         found = database.execute(_LEVELS)
         levels = {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}
         if any(abs(one) >= LATEST_NS for key in levels for one in key):
-            raise ValueError("a tag or a time in it is none")
+            raise ValueError("a tag or a time in it is invalid")
         return levels
 
 

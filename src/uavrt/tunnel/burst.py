@@ -21,7 +21,7 @@ _LATEST_S = 9.2e9
 _SNR_STEPS = 100.0
 _I16 = 32_767
 _LAYOUT = Layout(
-    "the inside of a burst",
+    "the content of a burst",
     "version:B pulses#:B others#:B :x tag_id:I start_s:d pulses*:i snrs*pulses:h others*:I",
     {"pulses": (1, MOST_PULSES), "others": (0, MOST_OTHERS), "start_s": (0.0, _LATEST_S)},
     version=1,
@@ -49,7 +49,7 @@ def decode_burst(payload: bytes) -> BurstInside:
     steps = got["pulses"]
     rising = all(one < two for one, two in pairwise(steps))
     if not rising or max(map(abs, steps)) * _STEP_NS > ns_from_s(_LONGEST_S):
-        raise TunnelError("the inside of a burst has times that cannot be", payload)
+        raise TunnelError("the content of a burst has impossible times", payload)
     start_ns = ns_from_s(got["start_s"])
     return BurstInside(
         tag_id=got["tag_id"],

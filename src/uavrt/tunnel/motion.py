@@ -17,11 +17,11 @@ from uavrt.tunnel.layout import Layout
 from uavrt.tunnel.seal import MAX_INSIDE
 
 _VERSION, _VERSION_KEEP_OUT = 1, 2
-"""A drone that knows nothing of places to keep out of must not take them for corners."""
+"""Without and with keep-out areas; a drone of the first must not read them as corners."""
 _ASKS, _CONFIRMS, _STOPS = 1, 2, 3
 _HEAD = "version:B kind:B :2x request_id:I"
 _ASK = Layout(
-    "an order of motion",
+    "a motion order",
     f"{_HEAD} action:B clockwise,has_height:B pattern:B kept:B height_m:f duration_s:f "
     "width_m:f body~",
     kind=_ASKS,
@@ -98,7 +98,7 @@ def encode_request(request: MotionRequest) -> bytes:
     kept = request.keep_out
     places = (*request.places, *(place for one in kept for place in one.places))
     if len(places) > MAX_PLACES:
-        others = " with its places to keep out of" if kept else ""
+        others = " with its keep-out areas" if kept else ""
         raise UsageError(
             f"an area of {len(places)} corners{others}",
             remedy=f"Draw one of {MAX_PLACES} or fewer",
@@ -124,7 +124,7 @@ def encode_request(request: MotionRequest) -> bytes:
     )
     if len(payload) + _size(len(places)) > MAX_INSIDE:
         raise UsageError(
-            f"{len(places)} corners, {len(kept)} places to keep out of and "
+            f"{len(places)} corners, {len(kept)} keep-out areas and "
             f"{len(request.tags)} tags do not fit",
             remedy="Draw a simpler area, leave the tags out to search for all, or set "
             "guidance.keep_out_file on the drone",
@@ -152,7 +152,7 @@ def _sought(request: MotionRequest) -> bytes:
         return _SEARCH.pack(request, radius_m=round(request.radius_m or 0.0), body=b"")
     except (TunnelError, ValueError, OverflowError) as error:
         raise UsageError(
-            "a radius or a tag's number is too large for an order of motion",
+            "a radius or a tag's number is too large for a motion order",
             remedy="Give a radius and numbers below 65536, or leave the tags out",
         ) from error
 
@@ -164,7 +164,7 @@ def _kept(one: KeepOut) -> bytes:
         return _KEPT.pack(len(one.places), radius)
     except (struct.error, ValueError, OverflowError) as error:
         raise UsageError(
-            f"a circle of {one.radius_m:g} m to keep out of",
+            f"a circle of {one.radius_m:g} m as keep-out area",
             remedy="Give a radius below 65536 m",
         ) from error
 
@@ -201,7 +201,7 @@ def encode_stop(stop: MotionStop) -> bytes:
 def decode_motion(
     payload: bytes, asker: tuple[int, int]
 ) -> MotionRequest | MotionConfirmation | MotionStop:
-    """Read an order of motion, a confirmation or a stop; raises `TunnelError`."""
+    """Read a motion order, a confirmation or a stop; raises `TunnelError`."""
     if is_confirmation(payload):
         got = _CONFIRM.unpack(payload)
         return MotionConfirmation(**{**got, "sticks_unseen": bool(got["sticks_unseen"] & 1)})
@@ -211,13 +211,13 @@ def decode_motion(
     try:
         return _request(got, asker)
     except (struct.error, IndexError) as error:
-        raise TunnelError("an order of motion has a wrong length", payload) from error
+        raise TunnelError("a motion order has a wrong length", payload) from error
 
 
 def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
     kept, width_m, body = got["kept"], got["width_m"], got["body"]
     if got["version"] != (_VERSION_KEEP_OUT if kept else _VERSION):
-        raise TunnelError("an order of motion has another version", body)
+        raise TunnelError("a motion order has another version", body)
     request = MotionRequest(
         request_id=got["request_id"],
         asker=asker,
@@ -241,12 +241,12 @@ def _with_places(request: MotionRequest, body: bytes, kept: int) -> MotionReques
     places = _places(body[_KEPT.size * kept :])
     first = len(places) - sum(count for count, _ in shapes)
     if first < 0:
-        raise TunnelError("an order of motion lacks corners", body)
+        raise TunnelError("a motion order lacks corners", body)
     keep_out, at = [], first
     for count, radius in shapes:
         corners, at = places[at : at + count], at + count
         if len(corners) < 3 and not (radius and count == 1):
-            raise TunnelError("a place to keep out of has too few corners", body)
+            raise TunnelError("a keep-out area has too few corners", body)
         keep_out.append(KeepOut(places=corners, radius_m=float(radius) if count == 1 else None))
     return replace(request, places=places[:first], keep_out=tuple(keep_out))
 

@@ -24,7 +24,7 @@ SESSION_TYPE = 60_004
 MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
 """Motion orders and their states, see `uavrt.tunnel.motion`."""
 PROVEN_STATE_TYPE = 60_011
-"""An answer to a sealed order of motion, see `uavrt.tunnel.seal`."""
+"""An answer to a sealed motion order, see `uavrt.tunnel.seal`."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 """Reports of drones that search together, see `uavrt.tunnel.neighbours`."""
 MAX_HASHES = 15
