@@ -14,7 +14,7 @@ from sphinx.util import logging
 from sphinx.writers.html5 import HTML5Translator
 
 # What latex2mathml does not know, in terms of what it knows. `align` would number each line,
-# beside the number that Sphinx gives the whole.
+# next to the number that Sphinx gives the whole.
 REWRITE = (
     (re.compile(r"\\arg(?![a-zA-Z])"), r"\\operatorname{arg}"),
     (re.compile(r"\\(begin|end)\{(?:aligned|align|split)\}"), r"\\\1{align*}"),

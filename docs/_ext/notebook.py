@@ -1,7 +1,7 @@
 """Notebooks in the manual, without Jupyter: a parser for Sphinx, and a runner.
 
 A page ``NAME.ipynb`` is read as MyST text: its markdown cells, its code cells, and the outputs
-that are stored in it. ``python docs/_ext/notebook.py FILE …`` runs the code anew and stores
+that are stored in it. ``python docs/_ext/notebook.py FILE …`` runs the code again and stores
 what comes out; a test runs it too and compares. Outputs are text and one picture for a cell,
 the figure that is called ``figure`` there.
 """

@@ -1,4 +1,4 @@
-"""Rate limits on what a stranger may cause."""
+"""Rate limits for requests of unknown senders."""
 
 from dataclasses import dataclass, field
 
@@ -16,11 +16,7 @@ class Allowance:
         self._left = self.burst
 
     def take(self, now_ns: int, tokens: float = 1.0) -> bool:
-        """Take `tokens`, or none and return False if fewer are left.
-
-        `now_ns`: time [ns], rising.
-        `tokens`: what it costs.
-        """
+        """Take `tokens` at a rising time [ns]; False, taking none, if fewer are left."""
         if self._at_ns is not None:
             earned = (now_ns - self._at_ns) * 1e-9 * self.per_s
             self._left = min(self.burst, self._left + earned)

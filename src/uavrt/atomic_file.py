@@ -1,7 +1,7 @@
 """Replace a file as a whole, so that a kill or a power cut leaves the old one or the new one.
 
-The new file and then its directory are written to the disk itself (fsync) before this returns:
-without that, ext4 may keep the new name and lose what is in the file.
+The new file and then its directory are synced to the disk (fsync); otherwise ext4 may keep the
+new name and lose the content.
 """
 
 import errno
@@ -13,25 +13,25 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PART = ".part"
-"""Ending of a file that is still being written; one that a cut left may be removed."""
+"""Ending of a file being written; one left by a power cut may be removed."""
 _PART_NAME = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
 
 def is_part(path: Path) -> bool:
-    """Whether a file's name is that of one which `replacing` was still writing."""
+    """Whether a file's name is that of one being written by `replacing`."""
     return _PART_NAME.fullmatch(path.name) is not None
 
 
 @contextmanager
 def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
-    """Give a place to write to; what is there at the end replaces the file, with its directory.
+    """Yield a file to write, which then replaces the target, with its directory synced.
 
-    What a link leads to is replaced, not the link.
+    A link's target is replaced, not the link.
 
-    `path`: the file; its directory exists.
-    `sync`: False for what may be lost in a power cut and is written too often to wait.
-    Raises `OSError`: the disk is full, read-only or forbidden; the old file is untouched.
+    `path`: the file; its directory exists. `sync`: False for files that may be lost in a power
+    cut and are written too often to wait. Raises `OSError` if the disk is full, read-only or
+    forbidden; the old file is untouched.
     """
     path = path.resolve()
     part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")
@@ -53,14 +53,14 @@ def write_atomically(
 ) -> None:
     """Replace a file by text (UTF-8) or bytes, as `replacing` does; a device is written to.
 
-    `mode` says who may read it: a secret is at no moment readable for others.
+    `mode`: permissions; a secret is never readable for others, at no moment.
     """
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)
         return
     with replacing(path, sync=sync) as part:
-        # Never through a link that another user has put there.
+        # Never through a link created by another user.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
         with open(os.open(part, flags, 0o600), "wb") as file:
             file.write(data)
@@ -69,10 +69,7 @@ def write_atomically(
 
 
 def make_directories(path: Path) -> None:
-    """Make a directory and those above it, each on the disk before what is in it.
-
-    Raises `OSError`: one cannot be made.
-    """
+    """Make a directory and its parents, each synced before its content; raises `OSError`."""
     if path.is_dir():
         return
     make_directories(path.parent)
@@ -81,10 +78,7 @@ def make_directories(path: Path) -> None:
 
 
 def sync_to_disk(path: Path) -> None:
-    """Wait until a file or directory is on the disk; file systems that cannot say are trusted.
-
-    Raises `OSError`: the disk is full or fails.
-    """
+    """Sync a file or directory, where the file system supports it; raises `OSError`."""
     if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
         return  # Windows
     descriptor = os.open(path, os.O_RDONLY)

@@ -16,10 +16,9 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def normalised(q: Quaternion) -> Quaternion:
-    """Scale to length 1.
+    """Scale to length 1; raises `ValueError` if it is zero or not finite.
 
-    Raises `ValueError`: the quaternion is zero or not finite: the all-zero attitude of a
-    vehicle that does not know its own is not a direction.
+    A vehicle with unknown attitude may send zeros.
     """
     length = math.hypot(*q)
     if not (1e-6 < length < math.inf):

@@ -1,6 +1,6 @@
-"""Settings for NumPy's linear algebra, put in the environment before NumPy is imported.
+"""Settings for NumPy's linear algebra, set in the environment before NumPy is imported.
 
-Blocks are small. A second thread saves nothing and costs more than all of detection, because it
+Blocks are small: a second thread saves nothing and costs more than all of detection, because it
 spins while it waits for the next product (161 % of a core against 99 %).
 
 OpenBLAS runs its kernels for Haswell, with vectors of 256 bits, on AMD processors that have
@@ -12,16 +12,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 _SKYLAKE = {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
-"""What OpenBLAS's kernels for Skylake-X need."""
+"""Processor features that OpenBLAS's kernels for Skylake-X need."""
 
 
 def blas_environment(
     given: Mapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")
 ) -> dict[str, str]:
-    """Describe what a process needs on top of its environment; what that says already stands.
+    """Variables to add to a process's environment; those already set stay.
 
-    `given`: the environment so far.
-    `cpuinfo`: what Linux says of the processor.
+    `given`: the environment so far. `cpuinfo`: Linux's description of the processor.
     """
     wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
     try:

@@ -1,9 +1,9 @@
-"""The memory card, and the clock's battery: what the kernel knows of them.
+"""Health of the memory card and of the clock's battery, as the kernel reports them.
 
 ext4 (kernel documentation, "ext4 General Information", sysfs) counts the errors that it has met
 and the kilobytes ever written; after an error it turns read-only where ``errors=remount-ro``,
-as Debian and Raspberry Pi OS have it. An SD card says nothing of its wear; an eMMC tells
-``life_time`` in tenths (JEDEC JESD84, EXT_CSD [268], [269]).
+as on Debian and Raspberry Pi OS. An SD card reports no wear; an eMMC reports ``life_time`` in
+tenths (JEDEC JESD84, EXT_CSD [268], [269]).
 """
 
 import errno
@@ -20,31 +20,31 @@ from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 MOUNTS = Path("/proc/self/mounts")
 SYSFS = Path("/sys")
 WORN_TENTHS = 9
-"""An eMMC that has used 80 to 90 % of its life."""
+"""Used life of an eMMC that is a fault [tenths]."""
 NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
-"""June 2025: a computer that believes in an earlier time has lost its clock."""
+"""Earliest plausible time, June 2025 [ns]; a clock before that was lost."""
 BATTERY_CLOCK_OFF_S = 5.0
-"""It counts whole seconds, and is set when the computer is shut down."""
+"""Error of the battery clock that is a fault [s]; it counts whole seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
-    """The file system that flights lie on."""
+    """The file system with the flights."""
 
     device: str
-    """As mounted: ``/dev/mmcblk0p2``."""
+    """Device as mounted: ``/dev/mmcblk0p2``."""
     kind: str
     read_only: bool
     errors: int | None
-    """Met since it was last checked; None where the file system does not count."""
+    """Errors since the last check; None if the file system does not count them."""
     written_gb: float | None
-    """Ever written to it."""
+    """Data ever written to it [GB]."""
     life_used_tenths: int | None
-    """Of an eMMC."""
+    """Used life of an eMMC [tenths]."""
 
     def faults(self) -> list[str]:
-        """Name what is wrong with it; nothing when it is in good health."""
+        """Faults in words; empty when it is in good health."""
         found = []
         if self.read_only:
             found.append("read-only: nothing more is recorded")
@@ -56,7 +56,7 @@ class Card:
 
 
 def card_of(directory: Path) -> Card | None:
-    """Look at the file system of a directory; None where the kernel does not tell it."""
+    """Read the state of a directory's file system; None if the kernel does not report it."""
     place = directory.resolve()
     mounted = {Path(where): (device, kind) for device, where, kind in _mounts()}
     for above in (place, *place.parents):
@@ -72,7 +72,7 @@ def card_of(directory: Path) -> Card | None:
     return Card(
         device=device,
         kind=kind,
-        # Where no error was counted there is none, and nothing need be written to learn it.
+        # Without a counted error there is none, and no test write is needed.
         read_only=_is_mounted_so(place) or (errors != 0 and _takes_nothing(place)),
         errors=errors,
         written_gb=None if written_kb is None else written_kb / 1e6,
@@ -87,7 +87,7 @@ def _is_mounted_so(directory: Path) -> bool:
 
 
 def _takes_nothing(directory: Path) -> bool:
-    """Try it, with a file that gets no name: since Linux 6.15 an error sets no flag."""
+    """Whether writing fails, tried with an unnamed file: Linux 6.15 sets no flag on errors."""
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
     except OSError as error:
@@ -96,7 +96,7 @@ def _takes_nothing(directory: Path) -> bool:
 
 
 def _mounts() -> Iterator[tuple[str, str, str]]:
-    """Device, place and kind of what is mounted, later ones over earlier ones (proc(5))."""
+    """Device, place and type of mounted file systems, in the order of mounting (proc(5))."""
     with suppress(OSError):
         for line in MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines():
             device, where, kind, *_ = line.split(" ")
@@ -118,21 +118,18 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """Get how far the clock that a battery keeps is ahead of ours; None: there is none.
-
-    It counts whole seconds.
-    """
+    """Lead of the battery clock over ours [s], in whole seconds; None without one."""
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 
 
 def clock_is_lost() -> bool:
-    """Whether this computer believes in a time that is over."""
+    """Whether this computer's clock is before any plausible time."""
     return wall_ns() < OLDEST_TIME_NS
 
 
 def clock_fault() -> str | None:
-    """Name what is wrong with this computer's clock or its battery's; None: nothing known."""
+    """Fault of this computer's clock or its battery's; None without a known one."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
         return time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime(seconds))

@@ -1,13 +1,13 @@
-"""The table of commands: what each does, when it is allowed, who may send it, how it is worded.
+"""The table of commands: effect, conditions, authorised senders, wording.
 
 The supervisor's rules, the tunnel's numbers and lengths, the ground station's buttons and the
-page's answers derive from it. A new command is a row here with its name and number, what it
-does in `uavrt.supervisor.mission.orders`, and, where it is more than its number, its layout in
-the tunnel's generations (`uavrt.tunnel.g1`, `g2`).
+page's answers derive from it. A new command is a row here with its name and number, its action
+in `uavrt.supervisor.mission.orders`, and, unless it is only its number, its layout in the
+tunnel's generations (`uavrt.tunnel.g1`, `g2`).
 
 A command that a state does not allow is refused with a reason the operator can act on; nothing
 can lock up. A repeated command is accepted and changes nothing, so a ground station may retry
-over a lossy link. An order of motion has one more column: by which command it is confirmed.
+over a lossy link. A motion order has one more column: the command that confirms it.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ class SystemState(StrEnum):
 
     @property
     def words(self) -> str:
-        """What an operator calls it."""
+        """Its name for the operator."""
         return {"receiving_tags": "receiving tags", "has_tags": "ready"}.get(self, self.value)
 
 
@@ -47,8 +47,8 @@ CommandName = Literal[
 ]
 
 Generation = Literal["G0", "G1", "G2v1", "G2"]
-"""Of the tunnel. G0: the thesis (February 2023); G1: the newest without a version number (April
-2026); G2v1: version 1, whose commands are those of G1; G2: versions 4 to 7."""
+"""Generation of the tunnel. G0: the thesis (February 2023); G1: the newest without a version
+number (April 2026); G2v1: version 1, whose commands are those of G1; G2: versions 4 to 7."""
 
 
 class CommandId(IntEnum):
@@ -121,29 +121,29 @@ BETWEEN_FLIGHTS: States = {
 
 
 class Who(StrEnum):
-    """Who may ask for it where one commands: `uavrt.supervisor.mission.who_commands`."""
+    """Who may send it, where one station commands: `uavrt.supervisor.mission.who_commands`."""
 
     ANYBODY = "anybody"
-    """It changes nothing."""
+    """Any station: it changes nothing."""
     COMMANDER = "the commander"
-    """Of the flight; after its end anybody, who is the next one's."""
+    """Commander of the flight; after its end any station, which commands the next."""
     LAST_COMMANDER = "the last commander"
-    """Also after the end of the flight."""
+    """The commander, also after the end of the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Button:
-    """How the ground station's page offers it."""
+    """Its button on the ground station's page."""
 
     action: str
-    """Its name there."""
+    """Its name on the page."""
     label: str
     asking: str = ""
-    """What is told while it waits for the answer of a command that is only its number."""
+    """Text while a command that is only its number waits for its answer."""
     done: str = ""
-    """What is told where the drone's acknowledgement has no words."""
+    """Text for an acknowledgement without words."""
     any_page: bool = False
-    """Any page may press it, not only the one that commands."""
+    """Whether any page may press it, not only the one that commands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,17 +153,17 @@ class CommandRow:
     name: CommandName
     meaning: str
     states: States
-    """What it does in each."""
+    """Its effect in each state."""
     who: Who
     while_ending: bool = True
-    """Allowed while a flight's last pulses are being recorded."""
+    """Whether it is allowed while a flight's last pulses are being recorded."""
     number: CommandId | None = None
-    """In the tunnel; None: it comes by another way."""
+    """Number in the tunnel; None: it comes by another way."""
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
-    """Of its payloads in the generations of the tunnel that have it, the newest last."""
+    """Lengths of its payloads in the tunnel's generations that have it, the newest last."""
     button: Button | None = None
     confirmed_by: CommandName | None = None
-    """Nothing moves before that command has come, with the nonce of the drone's offer."""
+    """Command, with the nonce of the drone's offer, before which nothing moves."""
 
 
 BARE, BARE_G2 = (4,), (8,)
@@ -334,5 +334,5 @@ COMMAND_OF_NUMBER: dict[int, CommandRow] = {
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:
-    """Get what `command` does in `state`."""
+    """Effect of `command` in `state`."""
     return COMMANDS[command].states[state]

@@ -28,11 +28,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 LONGEST_LINE = 400
-"""Characters of a message's line: it may quote what others wrote."""
+"""Most characters of a message's line, which may quote foreign text."""
 
 
 def _shown(text: str) -> str:
-    """Shorten long lines, and leave out what would steer a terminal."""
+    """Shorten long lines, and remove control characters."""
     if not text.isprintable():
         text = "".join(one if one.isprintable() or one == "\n" else "\ufffd" for one in text)
     if len(text) <= LONGEST_LINE:
@@ -47,8 +47,7 @@ def _shown(text: str) -> str:
 class UavrtError(Exception):
     """Base of all deliberate errors.
 
-    `message`: what is wrong, in words for the person who can mend it.
-    `remedy`: what to do about it.
+    `message`: what is wrong, for the person who can fix it. `remedy`: what to do about it.
     """
 
     def __init__(self, message: str, *, remedy: str | None = None) -> None:
@@ -59,7 +58,7 @@ class UavrtError(Exception):
 
 
 def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
-    """Write the faults of a file, a line for each, below their number.
+    """Write the faults of a file, a line for each, after their number.
 
     `number`: of all faults, where only some have a line.
     """
@@ -69,7 +68,7 @@ def listed_faults(source: str, faults: Sequence[str], number: int | None = None)
 
 
 class UsageError(UavrtError):
-    """What the user wrote is wrong."""
+    """Wrong input by the user."""
 
 
 class ConfigError(UsageError):
@@ -166,12 +165,10 @@ class StoreError(RecordingError):
 
 @contextmanager
 def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]:
-    """Import packages of an optional extra inside of this.
+    """Context that imports packages of an extra; raises `UsageError` if one is missing.
 
-    `extra`: name of the extra, such as ``"analysis"``.
-    `what`: what needs it, to begin the message with.
-    `otherwise`: what can be done without it, to end the remedy with.
-    Raises `UsageError`: a package is missing.
+    `extra`: name of the extra, such as ``"analysis"``. `what`: what needs it, to begin the
+    message with. `otherwise`: what can be done without it, to end the remedy with.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Limits for files and texts of others, and the functions that read them.
+"""Limits for foreign files and texts, and the functions that read them.
 
 Every parser of a foreign format reads with these functions, which limit bytes, unpacked bytes,
 levels of nesting and values. A file beyond its limit is refused with one line. A limit is about
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 CPU_S = 2
-"""Time that reading one short foreign input may take [s of CPU]."""
+"""Limit for reading one short foreign input [s of CPU]."""
 MEMORY_BYTES = 200_000_000
-"""Memory that reading one foreign input may take."""
+"""Memory limit for reading one foreign input."""
 MOST_FAULTS = 50
-"""Faults of one file that are listed; more do not help to mend it."""
+"""Most faults of one file that are listed."""
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
 _ZIP_END_BYTES, _ZIP_ENTRY_BYTES = 66_000, 100
 _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
-"""Where a shell puts what another program writes: `uavrt tags check <(…)`."""
+"""Paths of a shell's pipes: `uavrt tags check <(…)`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """Size and nesting that one kind of foreign file may have."""
+    """Size and nesting limits of one kind of foreign file."""
 
     what: str
-    """What the file is, for the refusal: ``"a tag file"``."""
+    """Kind of file, for the refusal: ``"a tag file"``."""
     bytes: int
     """Size on the disk, and after unpacking."""
     values: int = 100_000
@@ -69,16 +69,16 @@ SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=4
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
 """SigMF metadata of a recording with gaps, verdicts of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
-"""Of a million recordings."""
+"""Note on an archive of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
-"""Lines instead of values: ends of lines pack well, so they are counted."""
+"""Text logs: lines are counted instead of values, as ends of lines pack well."""
 OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
-"""What a program keeps over a restart; the list of 10 000 flights has 8 MB."""
+"""Files that a program keeps over a restart; the list of 10 000 flights has 8 MB."""
 KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
-"""Decoded in the ground station's event loop: some 20 ms at most."""
+"""Requests, decoded in the ground station's event loop: some 20 ms at most."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
-"""Commas in its text count as values."""
+"""Uploaded files; commas in their text count as values."""
 MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
 """A directory or the description of PMTiles, packed and unpacked."""
 ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)
@@ -87,10 +87,10 @@ TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole file of others.
+    """Read a whole foreign file.
 
-    Raises `OSError`: it cannot be read.
-    Raises `FormatError`: it is too large, mostly holes, or a pipe or device without an end.
+    Raises `OSError`, or `FormatError` if it is too large, mostly holes, or a pipe or device
+    without an end.
     """
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
@@ -116,7 +116,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
     written = 512 * getattr(about, "st_blocks", about.st_size)
     if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
         raise FormatError(
-            f"{name} is empty for the most part: {written:,} of {about.st_size:,} bytes",
+            f"{name} is mostly holes: {written:,} of {about.st_size:,} bytes",
             remedy="Copy it again",
         )
 
@@ -133,8 +133,8 @@ def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) ->
 def open_zip(path: Path, limit: Limit) -> "ZipFile":
     """Open a zip file; its members are stored or deflated.
 
-    Raises `OSError`: it cannot be read.
-    Raises `ValueError`: it is no zip file, or beyond the limit; also what `zipfile` raises.
+    Raises `OSError`, or `ValueError` if it is no zip file or beyond the limit; also what
+    `zipfile` raises.
     """
     from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
@@ -161,7 +161,7 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
 def unpack(pieces: Iterable[bytes], most: int, *, wbits: int = 31) -> bytes:
     """Unpack gzip (or, by `wbits`, another form of zlib), up to a little more than `most`.
 
-    Raises `zlib.error`, `EOFError`: it is damaged, or cut off.
+    Raises `zlib.error` or `EOFError` if it is damaged or cut off.
     """
     content = bytearray()
     unpacker = zlib.decompressobj(wbits)
@@ -189,10 +189,7 @@ def pieces_of(content: bytes) -> Iterable[bytes]:
 
 
 def read_json(content: bytes | str, limit: Limit) -> Any:
-    """Decode JSON of others.
-
-    Raises `ValueError`: it is not JSON, or beyond the limit; the text ends a sentence.
-    """
+    """Decode foreign JSON; raises `ValueError`, as the end of a sentence, if it is invalid."""
     if len(content) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few compared with the limit.
@@ -224,8 +221,7 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
 def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN) -> T:
     """Read a JSON file of one record.
 
-    Raises `OSError`: it cannot be read.
-    Raises `FormatError`: it is damaged, too large, or no plain file.
+    Raises `OSError`, or `FormatError` if it is damaged, too large, or no plain file.
     """
     return decode_record(read_file(path, limit), kind)
 
@@ -239,12 +235,10 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML of others, from its element `root` on where that is found.
+    """Parse foreign XML, from its element `root` on if found.
 
-    The declaration before it is left out: the text is decoded already.
-
-    Raises `ValueError`: it declares entities, or is beyond the limit.
-    Raises `xml.etree.ElementTree.ParseError`: it is no XML.
+    The declaration is left out, as the text is decoded already. Raises `ValueError` for
+    entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is no XML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("it declares XML entities, which no such file needs")
@@ -273,8 +267,8 @@ _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 def check_toml(text: str, limit: Limit) -> None:
     """Refuse TOML on which `tomllib` would spend minutes; raises `ValueError`.
 
-    `tomllib` takes time by the square of the parts of a dotted key, and calls itself for each
-    level of brackets.
+    Its time grows with the square of the parts of a dotted key, its stack with each level of
+    brackets.
     """
     if len(text) > limit.bytes:
         raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
@@ -304,10 +298,9 @@ def shortened(faults: list[str]) -> list[str]:
 
 
 def size_of(path: Path) -> int:
-    """Bytes of a plain file.
+    """Size of a plain file [bytes].
 
-    Raises `OSError`: it is not there.
-    Raises `FormatError`: it is a pipe or a device, or mostly holes.
+    Raises `OSError`, or `FormatError` if it is a pipe, a device, or mostly holes.
     """
     about = path.stat()
     require_plain_file(path, about.st_mode)
@@ -316,5 +309,5 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Bytes that a packed text may have: logs pack to a tenth, a bomb to a thousandth."""
+    """Limit of a text's unpacked size: logs pack to a tenth, a bomb to a thousandth."""
     return max(4_000_000, 40 * packed)

@@ -115,7 +115,7 @@ def distance_m(
 def geodetic_of_epsg(epsg: int, easting_m: float, northing_m: float) -> tuple[float, float]:
     """Latitude and longitude [deg] of a place in EPSG 32601–32660, 32701–32760 or 4326.
 
-    Raises `ValueError`: another coordinate system, or a place outside it.
+    Raises `ValueError` for another coordinate system, or a place outside it.
     """
     if epsg == 4326:
         lat, lon = northing_m, easting_m

@@ -1,7 +1,7 @@
 """Reports of gpsd, the daemon that shares a GPS receiver: JSON, one object a line.
 
-Whatever comes is taken for hostile: a line counts only whole, as an object of a class that is
-known, with every number in its limits; the rest is counted and passed over. Classes and fields:
+Input is untrusted: only a complete line counts, as an object of a known class with every number
+in its limits; the rest is counted and skipped. Classes and fields:
 https://gpsd.gitlab.io/gpsd/gpsd_json.html.
 """
 
@@ -13,15 +13,15 @@ import msgspec
 from msgspec import Meta
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
-"""Asks for reports from now on."""
+"""Request for reports."""
 LONGEST = 10_240
-"""Bytes of a line, by gpsd's manual."""
+"""Longest line, by gpsd's manual [bytes]."""
 _FIX_2D = 2
 """Least mode of a fix."""
 
 
 class _Line(msgspec.Struct, kw_only=True):
-    """What is read of a line; all else in it is passed over."""
+    """Fields read of a line; others are ignored."""
 
     kind: Annotated[str, Meta(max_length=20)] = msgspec.field(name="class")
     mode: int = 0
@@ -34,29 +34,29 @@ class _Line(msgspec.Struct, kw_only=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsdReport:
-    """What a line tells of place and heading."""
+    """Place and heading in a line."""
 
     raw: bytes
     place: tuple[float, float] | None
     """Latitude and longitude [deg]; None without a fix."""
     altitude_amsl_m: float | None
     heading_deg: float | None
-    """True, of a compass."""
+    """True heading of a compass [deg]."""
 
 
 class GpsdParser:
-    """Finds reports in bytes; no I/O. Counts what it passes over."""
+    """Finds reports in bytes and counts what it skips; no I/O."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self._decoder = msgspec.json.Decoder(_Line)
         self.received = 0
         self.bad_crc = 0
-        """Lines that are no report; the name is every parser's."""
+        """Lines that are no report; the name is common to all parsers."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[GpsdReport]:
-        """Take bytes; give the reports of place or heading that they complete."""
+        """Add bytes; return the reports of place or heading that they complete."""
         *lines, rest = (self._buffer + data).split(b"\n")
         if len(rest) > LONGEST:
             self.skipped_bytes += len(rest)
@@ -65,7 +65,7 @@ class GpsdParser:
         return [one for line in lines if line and (one := self._report(line)) is not None]
 
     def reset(self) -> None:
-        """Begin anew: what is half here has no other half."""
+        """Drop an incomplete line."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 

@@ -1,7 +1,7 @@
 """Names of the documented API, imported when they are first used (PEP 562).
 
-Were they imported with their package, each process of the drone would load all of it. Modules
-of uavrt import from the module that defines a name.
+Otherwise each process of the drone would load all of the package. Modules of uavrt import from
+the module that defines a name.
 """
 
 import sys
@@ -13,9 +13,9 @@ from typing import Any
 def lazily(package: str, where: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
     """Make ``__all__`` and ``__getattr__`` of a package.
 
-    `package`: its ``__name__``.
-    `where`: for each module, below the package or from ``uavrt`` on, the names that it holds.
-    Returns: the names, and what imports the module of one and keeps it in the package.
+    `package`: its ``__name__``. `where`: for each module, below the package or from ``uavrt``
+    on, its names. Returns the names, and a function that imports the module of one and stores
+    it in the package.
     """
     module_of = {name: module for module, names in where.items() for name in names.split()}
 

@@ -1,8 +1,8 @@
 """scipy.fft and scipy.special, without the tools of NumPy that they would load.
 
-SciPy 1.17 copies everything that NumPy has when one of them is imported, so numpy.f2py and
-numpy.testing are loaded: 6 MB and 0.05 s in a process of the drone that needs neither. Empty
-modules stand in for these two during the import; a later use of them loads the true ones.
+SciPy 1.17 copies all of NumPy's names on import, which loads numpy.f2py and numpy.testing: 6 MB
+and 0.05 s in a process of the drone that needs neither. Empty modules replace these two during
+the import; a later use of them loads the true ones.
 """
 
 import importlib

@@ -1,11 +1,11 @@
 """Logging: short facts with keys, one JSON object a line on stderr.
 
-The supervisor collects the lines of all its children. On a terminal the lines are text for
-people instead. Levels: info is what an operator would tell a colleague; warning and above also
-reach the ground as status texts.
+The supervisor collects the lines of all its children; on a terminal the lines are text for
+people. Levels: info is what matters to an operator; warning and above also reach the ground as
+status texts.
 
-Sixty lines of our own, because every process pays for a library: structlog took 9 MB and 0.09 s
-in each, for what is `json.dumps` and a newline here.
+Our own, because every process pays for a library: structlog took 9 MB and 0.09 s in each, for
+`json.dumps` and a newline.
 """
 
 import json
@@ -26,21 +26,20 @@ _NAMES = {
     logging.CRITICAL: "critical",
 }
 PATIENCE_MS = 20.0
-"""A reader that is only slow takes more by then."""
+"""Longest wait for a slow reader [ms]."""
 _COLOURS = {"debug": "2", "info": "32", "warning": "33", "error": "31", "critical": "1;31"}
 
 
 @dataclass(slots=True)
 class _Sink:
-    """Where the lines of this process go."""
+    """Destination of this process's lines."""
 
     process: str = ""
     level: int = logging.INFO
     stream: TextIO | None = None
-    """None: whatever stderr is now."""
+    """None: the present stderr."""
     broken: int = field(default=0)
-    """Lines that nobody took, since the last that was: stderr closed or stopped, or the reader
-    gone."""
+    """Lines lost since the last written one: stderr closed or stopped, or its reader gone."""
 
 
 _sink = _Sink()
@@ -62,11 +61,10 @@ class Logger:
         self.log(logging.WARNING, event, **facts)
 
     def seldom(self, count: int, event: str, **facts: Any) -> None:
-        """Log what may come in floods: of equals the first, second, fourth, eighth …
+        """Log the first, second, fourth, eighth … of equal events, which may come in floods.
 
-        `count`: how many there have been, this one included; it is logged, too.
-        `event`: what happened.
-        `**facts`: of this one.
+        `count`: how many there have been, this one included; it is logged, too. `event`: what
+        happened. `**facts`: of this one.
         """
         if count.bit_count() == 1:
             self.log(logging.WARNING, event, times=count, **facts)
@@ -100,10 +98,10 @@ class Logger:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """Whether a line can be written without standing still.
+    """Whether a line can be written without blocking.
 
-    A terminal that was stopped (Ctrl-S) and a pipe that nobody empties take none: a supervisor
-    that waited for them would keep every process waiting.
+    A terminal that was stopped (Ctrl-S) or a pipe without a reader would make the supervisor,
+    and so every process, wait.
     """
     try:
         poll = select.poll()
@@ -128,11 +126,11 @@ def _json(level: str, event: str, facts: dict[str, Any]) -> str:
 
 
 def in_words(event: str, facts: dict[str, Any]) -> str:
-    """Say an event and its facts to people: ``3 samples lost (in all 7)``."""
-    told = dict(facts)
-    count = told.pop("count", None)
+    """Write an event and its facts for people: ``3 samples lost (in all 7)``."""
+    others = dict(facts)
+    count = others.pop("count", None)
     text = event if count is None else f"{count} {event}"
-    details = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in told.items())
+    details = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in others.items())
     return f"{text} ({details})" if details else text
 
 

@@ -22,16 +22,14 @@ if TYPE_CHECKING:
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 """How sure a pulse is: below the threshold (seen by a track), above it, or part of a track.
-
-*integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire.
-"""
+*integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire."""
 
 _SAME_SENDER_HZ = 300.0
 """Frequencies of one sender, measured twice, differ by less."""
 _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
-"""Of a tag for which nothing else is given, wherever tags come from."""
+"""False-alarm probability of a tag without its own."""
 WHOLE_FLIGHT_FALSE_ALARM = 0.01
 """Probability that a whole flight without the tag is judged to have it."""
 
@@ -56,17 +54,17 @@ class Tag:
     """Expected false groups for each decision interval over the whole search."""
     name: str | None = None
     gaps_s: tuple[float, ...] = ()
-    """Of a coded tag: from pulse start to pulse start within a burst. Its one interval is then
-    that from burst to burst, and K the bursts summed at most; empty for a tag that beeps."""
+    """Gaps from pulse start to pulse start within a coded tag's burst; empty for a beeping tag.
+    Its one interval is then that from burst to burst, and K the bursts summed at most."""
 
     @property
     def coded(self) -> bool:
-        """Whether it sends bursts whose gaps say who it is."""
+        """Whether it sends bursts whose gaps identify it."""
         return bool(self.gaps_s)
 
     @property
     def length_s(self) -> float:
-        """From the start to the end of a pulse; of a coded tag, of a burst."""
+        """Length from the start to the end of a pulse; of a coded tag, of a burst."""
         return sum(self.gaps_s) + self.pulse_width_s
 
 
@@ -99,15 +97,15 @@ class Pulse:
     predicted_next_start_ns: int | None
     predicted_next_end_ns: int | None
     also_possible_tag_ids: tuple[int, ...] = ()
-    """Other listed tags that may have sent it: nothing measured so far tells them apart. The
-    pulse is reported once, as `tag_id`, the likeliest."""
+    """Other listed tags that may have sent it, as far as measured. The pulse is reported once,
+    as `tag_id`, the likeliest."""
     ghost_of_tag_id: int | None = None
-    """The stronger tag of which the receiver made it: its image, or by saturation."""
+    """The stronger tag whose ghost it is: its image in the receiver, or by saturation."""
     clipped: bool = False
-    """The receiver's converter was at its limits during it: `snr_db` is a lower bound."""
+    """Whether the receiver's converter was at its limits; `snr_db` is then a lower bound."""
     burst_starts_ns: tuple[int, ...] = ()
-    """Of a coded tag's burst, which is one record: starts of the pulses in it, as measured.
-    Pulses on which another signal lies, and lost ones, are left out; empty for a beep."""
+    """Measured starts of the pulses in a coded tag's burst, which is one record. Covered and
+    lost pulses are left out; empty for a beep."""
     burst_snrs_db: tuple[float, ...] = ()
     """SNR of each of them; `snr_db` is their mean, of linear values."""
 
@@ -123,11 +121,11 @@ PulseKey = tuple[int, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstInside:
-    """What the link tells of a coded tag's burst after its pulse message, which has no room."""
+    """Content of a coded tag's burst, sent after its pulse message."""
 
     tag_id: int
     start_time_ns: int
-    """Of the burst, as its pulse message has it: its key."""
+    """Start of the burst, as in its pulse message."""
     burst_starts_ns: tuple[int, ...]
     burst_snrs_db: tuple[float, ...]
     also_possible_tag_ids: tuple[int, ...] = ()
@@ -138,7 +136,7 @@ class BurstInside:
         return self.tag_id, self.start_time_ns
 
     def put_into(self, pulse: Pulse) -> Pulse:
-        """Get the burst with what is inside it."""
+        """Get the burst with its content."""
         return replace(
             pulse,
             burst_starts_ns=self.burst_starts_ns,
@@ -149,7 +147,7 @@ class BurstInside:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchReport:
-    """What a detector searched without a detection; also its sign of life."""
+    """A search without a detection; also the detector's sign of life."""
 
     tag_id: int
     time_ns: int
@@ -177,13 +175,13 @@ class Pose:
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """True when no pose later than this instant was known in time, or when the autopilot had
-    not told its clock for more than 10 s."""
+    """Whether no later pose was known in time, or the autopilot's clock was unknown for 10
+    s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeSample:
-    """Attitude of the vehicle as the autopilot told it, on our clock."""
+    """Attitude of the vehicle by the autopilot, on our clock."""
 
     time_ns: int
     quaternion_wxyz: tuple[float, float, float, float]
@@ -192,7 +190,7 @@ class AttitudeSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionSample:
-    """Position of the vehicle as the autopilot told it, on our clock."""
+    """Position of the vehicle by the autopilot, on our clock."""
 
     time_ns: int
     latitude_deg: float
@@ -211,12 +209,12 @@ class PulsePose:
 
 
 class BeepKind(StrEnum):
-    """What a sender of pulses is, seen from the list of tags."""
+    """Relation of a sender of pulses to the list of tags."""
 
     LISTED = "listed"
     """A listed tag, as its entry says."""
     OFF_LABEL = "off label"
-    """It keeps the interval of a listed tag at another frequency."""
+    """It has the interval of a listed tag at another frequency."""
     OTHER_RATE = "other rate"
     """It is at a listed tag's frequency, at another interval."""
     MIRRORED = "mirrored"
@@ -233,20 +231,20 @@ _OF_A_TAG = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beep:
-    """A sender of pulses that was found without knowing any tag, and which tags it may be."""
+    """A sender of pulses that was found without the list, and which tags it may be."""
 
     kind: BeepKind
     time_ns: int
-    """Of its last pulse so far."""
+    """Time of its last pulse so far."""
     frequency_hz: float
     interval_s: float
     jitter_s: float
     """Standard deviation of its pulses about the interval."""
     pulses: int
     level_db: float
-    """Median over the noise in 94 Hz."""
+    """Median level over the noise in 94 Hz."""
     tag_ids: tuple[int, ...] = ()
-    """Which may be meant, the most likely first; of an image those of its original."""
+    """Tags that it may be, the likeliest first; of an image those of its original."""
     offsets_hz: tuple[float, ...] = ()
     """Distance from the listed frequency of each of them."""
     image_of_hz: float | None = None
@@ -254,16 +252,16 @@ class Beep:
     """Why it is doubtful or no animal; what another rate may mean."""
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for values that cannot be: they come by radio and from files."""
+        """Raise `ValueError` for impossible values: they come by radio and from files."""
         numbers = (self.frequency_hz, self.interval_s, self.jitter_s, self.level_db)
         if not all(map(isfinite, (*numbers, self.image_of_hz or 0.0))) or self.interval_s <= 0:
             raise ValueError(f"a beep has frequency, interval, jitter and level {numbers}")
         if len(self.tag_ids) != len(self.offsets_hz):
-            raise ValueError("a beep has not one offset for each tag")
+            raise ValueError("a beep needs one offset for each tag")
         if not all(1.0 <= self.frequency_hz - one < inf for one in self.offsets_hz):
-            raise ValueError(f"a beep has an offset that no tag has: {self.offsets_hz}")
+            raise ValueError(f"a beep has an impossible offset: {self.offsets_hz}")
         if self.kind in _OF_A_TAG and not self.tag_ids:
-            raise ValueError(f"a beep that is {self.kind} names no tag")
+            raise ValueError(f"a beep of kind {self.kind!r} needs a tag")
 
     @property
     def away_hz(self) -> float | None:
@@ -277,14 +275,14 @@ class Beep:
 
     @property
     def odd(self) -> bool:
-        """Whether something is not as listed, and worth a line."""
+        """Whether it differs from the list, and is worth a line."""
         if self.kind is BeepKind.DOUBTFUL:
             return bool(self.tag_ids)
         return self.kind is not BeepKind.LISTED
 
     @property
     def meaning(self) -> str:
-        """Say what it may be."""
+        """What it may be, in words."""
         reason = f", {self.reason}" if self.reason else ""
         match self.kind:
             case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
@@ -303,7 +301,7 @@ class Beep:
 
     @property
     def advice(self) -> str:
-        """Say what to do about it; nothing where there is nothing to do."""
+        """What to do about it, in words; empty without advice."""
         return _ADVICE.get(self.kind, "")
 
     def __str__(self) -> str:
@@ -336,10 +334,7 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Put a measurement in the place of older ones of the same sender.
-
-    Returns: whether the sender is new.
-    """
+    """Replace older measurements of the same sender; whether the sender is new."""
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new
@@ -366,12 +361,12 @@ class LiveBearing:
 
     tag_id: int
     start_time_ns: int
-    """Of the turn."""
+    """Start of the turn."""
     end_time_ns: int
-    """Of the turn so far."""
+    """End of the turn so far."""
     turned_deg: float
     latitude_deg: float
-    """Of the place of the turn."""
+    """Place of the turn."""
     longitude_deg: float
     bearing_deg: float
     """Clockwise from true north."""
@@ -382,7 +377,7 @@ class LiveBearing:
     """SNR on boresight."""
     pulses: int
     accepted: bool
-    """There is a direction in the pulses at all."""
+    """Whether the pulses show a direction at all."""
     ambiguous: bool
     multipath_suspected: bool
 
@@ -393,24 +388,24 @@ class Delivered:
 
     time_ns: int
     store: int
-    """Number of the store (`uavrt.tunnel.private`); 0: sent once, nobody acknowledges."""
+    """Number of the store (`uavrt.tunnel.private`); 0: sent once, without acknowledgement."""
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """Pulses that are safe on the disk, with the word on their poses."""
+    """Pulses that are safe on the disk, with their poses or their absence."""
 
     pulses: tuple[PulseKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """How far a process is with what it was sent; the rest goes to its successor again."""
+    """Progress of a process; records it has not taken go to its successor again."""
 
     records: int
-    """Records that it has dealt with for good since its start: they are on the disk, or were
-    not for the disk. Its assignment does not count."""
+    """Number of records handled for good since its start: on the disk, or not meant for it. Its
+    assignment does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -427,7 +422,7 @@ numbers: ``station_silent_s_255_190``, how long it has not been heard [s]."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """What a process says of itself about once a second."""
+    """State of a process, sent about once a second."""
 
     process: str
     time_ns: int
@@ -437,7 +432,7 @@ class Health:
     counters: dict[str, float] = field(default_factory=dict)
     """Everything counted since the start: samples lost, pulses refused, retries …"""
     reason: str = ""
-    """Why it is not `ok`, or what came of its work at its end, with the remedy."""
+    """Why it is not `ok`, or its result at its end, with the remedy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -471,18 +466,18 @@ class SystemStatus:
     tags: tuple[Tag, ...]
     processes: tuple[ProcessStatus, ...]
     commander: str | None = None
-    """Whose commands count, as their source: ``"mavlink 255/190"``; None before the first."""
+    """Source of accepted commands: ``"mavlink 255/190"``; None before the first."""
     ending: bool = False
-    """Stop was asked for: the state holds until the last pulses are recorded."""
+    """Whether Stop was commanded: the state lasts until the last pulses are recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """What an operator asks of the supervisor, by tunnel, page or command line."""
+    """An operator's command to the supervisor, by tunnel, page or command line."""
 
     name: CommandName
     request_id: int
-    """Repeated by the asker on a retry, so that a retry is answered, not done again."""
+    """Repeated by the sender on a retry, so that it is answered and not done again."""
     tag: Tag | None = None
     center_frequency_hz: float | None = None
     """Radio frequency chosen on the ground; None lets the tuner choose."""
@@ -490,14 +485,14 @@ class Command:
     parameter: str | None = None
     """Name of a parameter (`uavrt.config.parameters`)."""
     value: float | None = None
-    """What it is to be."""
+    """Its new value."""
     source: str = ""
-    """Who asked: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
+    """Sender: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
     sealed: bool = False
-    """It came with a seal of the drone's key."""
+    """Whether it came with a seal of the drone's key."""
     tag_count: int | None = None
-    """With the end of an upload, or a start: number of tags that were sent; a start with fewer
-    is refused. None: not counted."""
+    """Number of tags sent, with the end of an upload or a start; None: not counted. A start
+    with fewer tags is refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -508,18 +503,18 @@ class CommandReply:
     name: CommandName
     accepted: bool
     message: str
-    """Why not, or a useful detail: the flight directory on start."""
+    """Reason of a refusal, or a detail: the flight directory on start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operation:
-    """How far something is that takes longer than its command."""
+    """Progress of a job that outlasts its command."""
 
     name: CommandName
     state: Literal["running", "complete", "failed"]
     step: int = 0
     step_count: int = 0
-    """0: not known."""
+    """Number of steps; 0: unknown."""
     message: str = ""
 
 
@@ -533,90 +528,90 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightInfo:
-    """A flight that was started: what the recorder needs to open it, also after a restart."""
+    """A started flight, for the recorder to open it, also after a restart."""
 
     directory: str
     start_time_ns: int
     clock_offset_ns: int
-    """UTC minus CLOCK_MONOTONIC, fixed at the flight's start: its time, whatever is done to the
-    wall clock later."""
+    """UTC minus CLOCK_MONOTONIC, fixed at the flight's start. The flight keeps this time,
+    whatever happens to the wall clock."""
     center_frequency_hz: float
     sample_rate_hz: float
     tags: tuple[Tag, ...]
     capture_s: float | None = None
-    """For a raw capture: how long; then there are no tags and nothing is detected."""
+    """Length of a raw capture, without tags or detection; None for a flight."""
 
 
 MotionAction = Literal["rotate", "goto", "survey", "hold", "return", "search", "takeoff"]
-"""What the drone can be asked to fly."""
+"""Motions that can be requested."""
 
 
 SurveyPattern = Literal["lines", "around", "points"]
-"""How an area is surveyed: line by line, along its outline, by whole turns at places."""
+"""Pattern of a survey: line by line, along its outline, by whole turns at places."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepOut:
-    """A place over which nothing flies: a person, a building."""
+    """An area over which nothing flies: a person, a building."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude [deg] of its corners, or of the middle of a circle."""
     radius_m: float | None = None
-    """Of a circle."""
+    """Radius of a circle."""
     name: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleFence:
-    """The fence that the autopilot holds, as it told it."""
+    """The fence reported by the autopilot."""
 
     within: tuple[KeepOut, ...] = ()
-    """Areas that it does not leave."""
+    """Areas that the vehicle does not leave."""
     keep_out: tuple[KeepOut, ...] = ()
-    """And those that it does not enter."""
+    """Areas that it does not enter."""
     fault: str | None = None
-    """Why it cannot be read, with the remedy: then nothing is flown."""
+    """Why it cannot be read, with the remedy; nothing is flown then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What an operator can have flown; not yet an order."""
+    """A motion that an operator can request."""
 
     action: MotionAction
     places: tuple[tuple[float, float], ...] = ()
     """Latitude and longitude [deg] of a goal, or of an outline's corners."""
     height_m: float | None = None
-    """Above home; None: as it is."""
+    """Height above home; None: as it is."""
     duration_s: float = 60.0
-    """Of a whole turn; of a search at most."""
+    """Duration of a whole turn; longest duration of a search."""
     clockwise: bool = True
     spacing_m: float = 60.0
-    """Between the lines of a survey, or its places."""
+    """Distance between a survey's lines or places."""
     pattern: SurveyPattern = "lines"
-    """Of a survey."""
+    """Pattern of a survey."""
     tags: tuple[int, ...] = ()
-    """To search for; empty: all that are listed."""
+    """Tags to search for; empty: all that are listed."""
     radius_m: float | None = None
-    """Of a search around the drone, where no outline is given."""
+    """Radius of a search around the drone, without an outline."""
     wish_m: float = 25.0
-    """Radius that is to hold a tag with 95 % before it counts as found."""
+    """Target accuracy: radius that holds a found tag with 95 %."""
     keep_out: tuple[KeepOut, ...] = ()
-    """Besides those of the drone's settings."""
+    """Keep-out areas in addition to those of the drone's settings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionRequest(Motion):
-    """A motion that an operator asks for; nothing moves before it is confirmed."""
+    """A motion requested by an operator; nothing moves before it is confirmed."""
 
     request_id: int
-    """The asker's."""
+    """Number given by the sender."""
     asker: tuple[int, int]
     """System and component id of the ground station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundTag:
-    """A tag that a drone has found, as others are told of it."""
+    """A tag that a drone has found, as sent to the others."""
 
     tag_id: int
     place: tuple[float, float]
@@ -626,9 +621,9 @@ class FoundTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """What a drone says of itself to others that fly: where it is, its way, its tags.
+    """A drone's report to others that fly: its place, its leg, its tags.
 
-    It owns the straight way from where it is to its goal, whenever it flies it.
+    It owns the straight line from its place to its goal, whenever it flies it.
     """
 
     sequence: int
@@ -637,66 +632,65 @@ class Course:
     """Latitude and longitude [deg]."""
     altitude_amsl_m: float
     goal: tuple[float, float]
-    """End of the way that it flies; its place where it stays."""
+    """End of the leg that it flies; its place if it stays."""
     searching: bool = False
-    """An order to search is confirmed."""
+    """Whether an order to search is confirmed."""
     returning: bool = False
     flown: int = 0
-    """Number of the way that it asked for last and flies; 0: none."""
+    """Number of its last granted leg, which it flies; 0: none."""
     asked: int = 0
-    """Number of the way that it asks for; 0: none."""
+    """Number of the requested leg; 0: none."""
     asked_way: tuple[tuple[float, float], ...] = ()
-    """Where that begins and ends."""
+    """Start and end of that leg."""
     given: tuple[tuple[int, int], ...] = ()
-    """Vehicles, and the versions of their ways that it knew when it chose that way."""
+    """Vehicles, and the versions of their legs on which its choice was based."""
     held: tuple[int, ...] = ()
-    """Tags that it is after."""
+    """Tags that it searches for at present."""
     found: tuple[FoundTag, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbour:
-    """What a ground station tells a drone of another; nothing is asked for by it."""
+    """A ground station's report of another drone; it requests nothing."""
 
     vehicle: int
-    """Its system number; 0: there are others, none of which has said anything yet."""
+    """Its system number; 0: there are others, none of which has reported yet."""
     version: int = 0
-    """Changes when it owns another way."""
+    """Changes when it owns another leg."""
     granted: int = 0
-    """Number of the way that who is told this asked for last and now owns; 0: none."""
+    """Number of the receiver's requested leg that it now owns; 0: none."""
     denied: int = 0
-    """Likewise of one that it does not get."""
+    """Number of its requested leg that was denied; 0: none."""
     age_s: float = 0.0
-    """Since it was heard."""
+    """Time since its last report."""
     course: Course | None = None
-    """Its word; `asked_way` is what it owns besides and has not begun to fly."""
+    """Its report; `asked_way` is a leg that it owns and has not begun to fly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtTag:
-    """What a search knows of a tag."""
+    """A search's estimate of a tag."""
 
     tag_id: int
     latitude_deg: float
-    """Where it is, if it is there."""
+    """Its place, if it is there."""
     longitude_deg: float
     radius95_m: float
     existence: float
     """Probability that it is there and beeps."""
     found_s: float | None
-    """How long after the begin; None: not found yet."""
+    """Time from the begin until it was found; None: not found yet."""
     pulses: int
-    """That were heard so far."""
+    """Number of received pulses so far."""
     missed: int
-    """That would have come and were not heard."""
+    """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
-    """At the end, of a tag that was not found: latitude, longitude and share of the squares
-    where it most probably is."""
+    """Likeliest squares of a tag not found, at the end: latitude, longitude and share."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchNote:
-    """What a search has decided, found, or how it ended, and why."""
+    """A search's decision, find, or end, and why."""
 
     time_ns: int
     order_id: int
@@ -707,41 +701,41 @@ class SearchNote:
     """With figures."""
     elapsed_s: float
     latitude_deg: float
-    """Where the drone was."""
+    """Place of the drone."""
     longitude_deg: float
     height_m: float
-    """Above home."""
+    """Height above home."""
     battery_percent: float | None
     tags: tuple[SoughtTag, ...]
     tag_id: int | None = None
-    """That was found."""
+    """The found tag."""
     goal: tuple[float, float] | None = None
-    """Where it flies to: latitude, longitude."""
+    """Destination: latitude, longitude."""
     area: tuple[tuple[float, float], ...] = ()
-    """With the begin: the outline."""
+    """Outline, with the begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOffer:
-    """What the guide would fly, or why it would not."""
+    """The guide's plan for a request, or why it refuses."""
 
     request_id: int
     asker: tuple[int, int]
     order_id: int
     nonce: int
-    """By which the order is confirmed, once."""
+    """Number that confirms the order, once."""
     summary: str
     mode: str = ""
-    """Out of which the drone would be taken, as the summary tells it."""
+    """Mode that the drone would leave, as in the summary."""
     refused: bool = False
-    """The summary is the reason."""
+    """Whether it is refused; the summary is the reason."""
     takeoff: bool = False
-    """It begins on the ground."""
+    """Whether it begins on the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSeen:
-    """What the autopilot reports of the vehicle, and how our commands to it go."""
+    """State of the vehicle and of our commands, by the autopilot."""
 
     latitude_deg: float
     longitude_deg: float
@@ -753,25 +747,25 @@ class VehicleSeen:
     """Latitude and longitude [deg]."""
     battery_percent: float | None
     obeyed: bool
-    """The last command is seen to be obeyed."""
+    """Whether the last command is seen to be obeyed."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
     ground_silent_s: float
     settling: bool = False
-    """It is near its target and not yet at rest: only a return or a stop may follow."""
+    """Whether it is near its target and still moving: only a return or a stop may follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleReport:
-    """The vehicle and our say over it, ten times a second."""
+    """The vehicle and our authority over it, ten times a second."""
 
     autopilot: str | None
-    """``"px4"`` or ``"ardupilot"``; None: not heard, or another."""
+    """``"px4"`` or ``"ardupilot"``; None: not received, or another."""
     fault: str | None
     """Why no motion can be confirmed now, with the remedy."""
     takeoff_fault: str | None = field(kw_only=True, default=None)
-    """Likewise why no take-off can."""
+    """Why no take-off can be confirmed now, with the remedy."""
     standing: str = "out"
     """``"out"``, ``"confirmed"`` or ``"in command"``."""
     reason: str = ""
@@ -779,26 +773,26 @@ class VehicleReport:
     order_id: int | None = None
     mode: str = ""
     seen: VehicleSeen | None = None
-    """None: its position or home is not known."""
+    """State; None: its position or home is unknown."""
     wind_m_s: tuple[float, float] | None = None
-    """Where the air goes, east and north, by the autopilot; None: it tells of none."""
+    """Motion of the air, east and north, by the autopilot; None: not reported."""
 
 
 class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Fly straight to a place and stay; also turns, where the autopilot takes the yaw."""
+    """Fly straight to a place and stay; also turns, if the autopilot accepts the yaw."""
 
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     yaw_deg: float | None = None
-    """None: the autopilot looks where it likes."""
+    """None: the autopilot chooses."""
 
 
 class TurnInPlace(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Turn by one command, where the autopilot has it."""
+    """Turn by one command, if the autopilot has it."""
 
     turn_deg: float
-    """Clockwise; negative: the other way. At most a whole turn."""
+    """Angle, clockwise; negative: the other way. At most a whole turn."""
     rate_deg_s: float
 
 
@@ -814,7 +808,7 @@ class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """Climb straight up from the ground; a pilot has armed."""
 
     height_m: float
-    """Above home."""
+    """Height above home."""
     altitude_amsl_m: float
 
 
@@ -823,7 +817,7 @@ Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
-    """What the guide wishes of the vehicle; `uavrt.guidance.authority` decides."""
+    """The guide's wish for the vehicle; `uavrt.guidance.authority` decides."""
 
     order_id: int | None
     wish: Wish | None = None
@@ -831,15 +825,14 @@ class VehicleWish:
     ends: bool = False
     """The order has ended."""
     said: str = ""
-    """What the order is at, or why it has ended."""
+    """Progress of the order, or why it has ended."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IQBlock:
     """Consecutive complex samples of a radio.
 
-    Blocks follow one another without a gap unless `lost_before` says how many samples are
-    missing; a gap is a fact in the stream, not something to guess from times.
+    Blocks follow one another without a gap unless `lost_before` counts missing samples.
     """
 
     samples: "NDArray[np.complex64]"
@@ -853,7 +846,7 @@ class IQBlock:
     lost_before: int = 0
     """Samples missing between the previous block and this one."""
     unsure_before: int = 0
-    """So many of `lost_before` a crystal far off its rate would explain as well."""
+    """Part of `lost_before` that a crystal far off its rate would explain as well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -865,19 +858,17 @@ class ChannelBlock:
     center_frequency_hz: float
     """Frequency of the channel's centre, absolute."""
     samples: "NDArray[np.complex64]"
-    """(n,) complex64, nobody writes over them; a tone of amplitude A in the channel has
-    amplitude A here."""
+    """(n,) complex64, never overwritten; a tone of amplitude A has amplitude A here."""
     sample_index: int
     """Index of the first sample of this channel since the start, lost ones counted."""
     time_ns: int
-    """Time at the antenna that the first sample stands for: filter delays are taken out."""
+    """Time of the first sample at the antenna: filter delays are taken out."""
     sample_rate_hz: float
     lost_before: int = 0
     clipped_ns: tuple[tuple[int, int], ...] = ()
-    """Begin and end of the stretches [ns, UTC], in order, in which the radio's converter was at
-    its limits, as far as no block before told of them."""
+    """Begin and end of clipped stretches [ns, UTC], in order, new since the last block."""
     carriers_hz: tuple[float, ...] = ()
-    """Strong steady carriers in the radio's band, absolute: with them it makes ghosts."""
+    """Strong steady carriers in the radio's band, absolute, which make ghosts with it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
-"""Compiled kernels for what NumPy does at several times the price, where they are installed.
+"""Compiled kernels, optional, for operations several times slower in NumPy.
 
-They come from ``native/kernels.c`` and are optional: a wheel without them, or
-``UAVRT_PURE=1`` in the environment, takes the NumPy code beside each call, which gives the same
-pulses (docs/decisions/0166).
+They come from ``native/kernels.c``: a wheel without them, or ``UAVRT_PURE=1`` in the
+environment, uses the NumPy code of each call, which gives the same pulses
+(docs/decisions/0166).
 """
 
 import importlib
@@ -12,11 +12,11 @@ from contextlib import contextmanager
 from typing import Any
 
 INTERFACE = 6
-"""What the kernels' arguments are: others, left from an older build, are not used."""
+"""Version of the kernels' arguments; those of an older build are not used."""
 
 
 def _load() -> tuple[Any, str]:
-    """Get the kernels if there are any, and what to say of them."""
+    """Load the kernels if there are any, with a description."""
     if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
         return None, "NumPy alone, as UAVRT_PURE says"
     try:
@@ -35,7 +35,7 @@ _kernels, _said = _load()
 
 
 def kernels() -> Any:
-    """Get the module of the kernels, or None where NumPy does all."""
+    """Get the module of the kernels, or None if NumPy does all."""
     return _kernels
 
 
@@ -46,7 +46,7 @@ def description() -> str:
 
 @contextmanager
 def numpy_only() -> Iterator[None]:
-    """Leave the kernels aside for a while: to compare, in tests and benchmarks."""
+    """Do not use the kernels for a while, to compare, in tests and benchmarks."""
     global _kernels
     kept, _kernels = _kernels, None
     try:

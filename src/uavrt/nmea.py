@@ -1,7 +1,7 @@
 """NMEA 0183: sentences, places and times in them, and a parser for bytes as they come.
 
-Whatever a cable or a socket brings is taken for hostile: a sentence counts only whole, with its
-checksum right and every number in its limits; the rest is counted and passed over.
+Input is untrusted: only a complete sentence counts, with a right checksum and every number in
+its limits; the rest is counted and skipped.
 """
 
 import re
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 BAUD = 9600
-"""Of most receivers with a serial port, where the address names no other."""
+"""Default rate of receivers with a serial port [baud]."""
 LONGEST = 120
-"""Bytes of a sentence: 82 by the standard, more from some makers."""
+"""Longest sentence [bytes]: 82 by the standard, more from some makers."""
 _PLACE = re.compile(r"(\d{2,3})([0-5]\d(?:\.\d{0,9})?)", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,6}(?:\.\d{0,6})?", re.ASCII)
 _QUALITIES = frozenset("1234579")
-"""Of a GGA: not 0 (no fix), 6 (guessed on from an old one) and 8 (a simulator's)."""
+"""Accepted qualities of a GGA: not 0 (no fix), 6 (extrapolated) and 8 (simulator)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class Sentence:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude [deg] that a receiver knows; None for all else."""
+        """Latitude and longitude [deg] with a fix; None otherwise."""
         kind, fields = self.fields[0][-3:], self.fields
         try:
             if kind == "RMC" and fields[2] == "A":
@@ -44,14 +44,14 @@ class Sentence:
 
     @property
     def altitude_amsl_m(self) -> float | None:
-        """Above the sea, in a GGA with a place."""
+        """Altitude above mean sea level, in a GGA with a place [m]."""
         if self.fields[0][-3:] != "GGA" or self.place is None:
             return None
         return _number(self.fields[9:10], -1000.0, 20_000.0)
 
     @property
     def heading_deg(self) -> float | None:
-        """True heading of a compass: of HDT, and of THS where it is measured."""
+        """True heading of a compass: of HDT, and of THS if it is measured."""
         kind, fields = self.fields[0][-3:], self.fields
         if kind == "HDT" or (kind == "THS" and fields[2:3] == ("A",)):
             return _number(fields[1:2], 0.0, 360.0)
@@ -59,7 +59,7 @@ class Sentence:
 
 
 class SentenceParser:
-    """Finds sentences in bytes; no I/O. Counts what it passes over."""
+    """Finds sentences in bytes and counts what it skips; no I/O."""
 
     def __init__(self) -> None:
         self._buffer = b""
@@ -69,7 +69,7 @@ class SentenceParser:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Sentence]:
-        """Take bytes; give the sentences that they complete."""
+        """Add bytes; return the sentences that they complete."""
         *lines, rest = (self._buffer + data).replace(b"\r", b"\n").split(b"\n")
         if len(rest) > LONGEST:
             self.skipped_bytes += len(rest)
@@ -78,7 +78,7 @@ class SentenceParser:
         return [one for line in lines if line and (one := self._sentence(line)) is not None]
 
     def reset(self) -> None:
-        """Begin anew: what is half here has no other half."""
+        """Drop an incomplete sentence."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
@@ -98,7 +98,7 @@ class SentenceParser:
 
 
 def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
-    """Read the one field's plain decimal number; None where it is none or out of its limits."""
+    """Read a plain decimal number; None if it is invalid or out of its limits."""
     if not field or _NUMBER.fullmatch(field[0]) is None:
         return None
     value = float(field[0])
@@ -106,7 +106,7 @@ def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
 
 
 def fields_of(line: str) -> list[str]:
-    """Fields of a sentence; ``[""]`` for what is none, or whose checksum is wrong."""
+    """Fields of a sentence; ``[""]`` if it is none, or its checksum is wrong."""
     start = line.find("$")
     body, star, checksum = line[start + 1 :].strip().partition("*")
     if start < 0 or not body:

@@ -1,15 +1,15 @@
-"""Latitude and longitude of a log: what is not on the globe is refused, with what it may be."""
+"""Latitude and longitude of a log: values off the globe are refused, with a likely cause."""
 
 import math
 
 from uavrt.attitude import Quaternion, normalised
 
 _SCALED = 1e5
-"""Larger numbers are degrees times ten million, as autopilots count them."""
+"""Values above this are degrees times ten million, as autopilots count them."""
 
 
 class OffEarthError(ValueError):
-    """A number that is no latitude or longitude; `remedy` says what may be wrong."""
+    """A number that is no latitude or longitude; `remedy` gives a likely cause."""
 
     def __init__(self, message: str, *, remedy: str) -> None:
         super().__init__(message)
@@ -17,10 +17,7 @@ class OffEarthError(ValueError):
 
 
 def latitude_on_earth(value_deg: float) -> float:
-    """Pass a latitude [deg].
-
-    Raises `OffEarthError`: it is beyond a pole, or not a number.
-    """
+    """Pass a latitude [deg]; raises `OffEarthError` beyond a pole, or if it is no number."""
     if not abs(value_deg) <= 90.0:
         raise OffEarthError(f"{value_deg:.12g} is not a latitude", remedy=_remedy(value_deg))
     return value_deg
@@ -29,7 +26,7 @@ def latitude_on_earth(value_deg: float) -> float:
 def longitude_on_earth(value_deg: float) -> float:
     """Pass a longitude [deg]; one from 0° to 360° is turned to -180° to 180°.
 
-    Raises `OffEarthError`: it is beyond two turns, or not a number.
+    Raises `OffEarthError` beyond two turns, or if it is no number.
     """
     if not abs(value_deg) <= 360.0:
         raise OffEarthError(f"{value_deg:.12g} is not a longitude", remedy=_remedy(value_deg))
@@ -37,17 +34,14 @@ def longitude_on_earth(value_deg: float) -> float:
 
 
 def place_on_earth(latitude_deg: float, longitude_deg: float) -> tuple[float, float] | None:
-    """Pass latitude and longitude [deg]; None where one of them is not known (NaN, infinite).
-
-    Raises `OffEarthError`: they are no place.
-    """
+    """Pass latitude and longitude [deg]; None if unknown; raises `OffEarthError`."""
     if not (math.isfinite(latitude_deg) and math.isfinite(longitude_deg)):
         return None
     return latitude_on_earth(latitude_deg), longitude_on_earth(longitude_deg)
 
 
 def is_attitude(quaternion_wxyz: Quaternion) -> bool:
-    """Whether a quaternion tells an attitude; zeros and what is not finite tell none."""
+    """Whether a quaternion is an attitude; not if it is zero or not finite."""
     try:
         normalised(quaternion_wxyz)
     except ValueError:

@@ -1,4 +1,4 @@
-"""When a vehicle stood on the ground, by what its autopilot told of arming and landing."""
+"""When a vehicle stood on the ground, by its autopilot's reports of arming and landing."""
 
 from collections.abc import Iterable
 
@@ -9,26 +9,26 @@ ARMED, LANDED = "autopilot_armed", "autopilot_landed"
 GROUND_STATION = "ground station"
 """Process that a ground station writes its own health as."""
 EVER_NS = 2**62
-"""What was told last holds on."""
+"""End of the last span [ns]: the last report holds on."""
 
-Told = Iterable[tuple[int, bool]]
-"""Times [ns], and what was told then."""
+Reports = Iterable[tuple[int, bool]]
+"""Times [ns] and the state reported."""
 
 
-def spans_on_ground(armed: Told, landed: Told) -> tuple[tuple[int, int], ...]:
+def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], ...]:
     """First and last times [ns] on the ground: disarmed, or landed.
 
-    None where nothing says that it flew, as in a test on a turntable, or where nothing was
-    told. What was told holds until it is told anew.
+    None without a report that it flew, as in a test on a turntable. A state holds until the
+    next report.
 
     `armed`, `landed`: in any order.
     """
-    told = [(time, "armed", state) for time, state in armed]
-    told += [(time, "landed", state) for time, state in landed]
+    reports = [(time, "armed", state) for time, state in armed]
+    reports += [(time, "landed", state) for time, state in landed]
     now: dict[str, bool] = {}
     flew, since = False, None
     found = []
-    for time, what, state in sorted(told):
+    for time, what, state in sorted(reports):
         now[what] = state
         if not now.get("armed", True) or now.get("landed", False):
             since = time if since is None else since
@@ -42,32 +42,32 @@ def spans_on_ground(armed: Told, landed: Told) -> tuple[tuple[int, int], ...]:
     return tuple(found) if flew else ()
 
 
-def told_of_ground(health: Health) -> tuple[float | None, float | None]:
-    """What a sign of life says of arming and landing; None where it says nothing."""
+def ground_state(health: Health) -> tuple[float | None, float | None]:
+    """Armed and landed by a health record; None where it does not report them."""
     return health.counters.get(ARMED), health.counters.get(LANDED)
 
 
-class ToldStates:
-    """What an autopilot told of arming and landing, as it comes; only changes are kept."""
+class GroundStates:
+    """Changes of an autopilot's armed and landed states."""
 
     def __init__(self) -> None:
-        self._told: list[tuple[int, bool | None, bool | None]] = []
+        self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add what was told at a time; False where it is what was told before.
+        """Add a report; False if nothing has changed.
 
         `armed`, `landed`: 0 for no; None where it was not reported.
         """
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
-        last = self._told[-1][1:] if self._told else (None, None)
+        last = self._reports[-1][1:] if self._reports else (None, None)
         if now == last:
             return False
-        self._told.append((time_ns, *now))
+        self._reports.append((time_ns, *now))
         return True
 
     def spans(self) -> tuple[tuple[int, int], ...]:
         """First and last times [ns] on the ground, as `spans_on_ground` has it."""
         return spans_on_ground(
-            [(time_ns, armed) for time_ns, armed, _ in self._told if armed is not None],
-            [(time_ns, landed) for time_ns, _, landed in self._told if landed is not None],
+            [(time_ns, armed) for time_ns, armed, _ in self._reports if armed is not None],
+            [(time_ns, landed) for time_ns, _, landed in self._reports if landed is not None],
         )

@@ -5,7 +5,7 @@ A package names its additions in its own ``pyproject.toml``::
     [project.entry-points."uavrt.antennas"]
     "my-yagi" = "my_package:YAGI"
 
-Nothing is imported before somebody asks for a name that is not ours, or for all names.
+Nothing is imported before a name that is not ours, or all names, are requested.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,9 +20,8 @@ T = TypeVar("T")
 class Registry(Mapping[str, T], Generic[T]):
     """Things by name: our own, then those of installed packages.
 
-    `group`: entry points of this group are looked at.
-    `own`: what comes with uavrt. Its names cannot be taken by another package.
-    `kind`: what an addition must be; None: something that can be called.
+    `group`: group of entry points. `own`: uavrt's, whose names other packages cannot use.
+    `kind`: type of an addition; None: something that can be called.
     """
 
     def __init__(self, group: str, own: Mapping[str, T], kind: type[T] | None = None) -> None:

@@ -51,7 +51,7 @@ def number_in(text: str) -> float:
 
 
 def rough_duration(seconds: float) -> str:
-    """Say how long something is, whatever its sign, for people: "40 s", "12 min", "3 days"."""
+    """A duration for people, whatever its sign: "40 s", "12 min", "3 days"."""
     length_s = abs(seconds)
     for unit, unit_s, most in (("s", 1.0, 120.0), ("min", 60.0, 120.0), ("h", 3600.0, 48.0)):
         if length_s < most * unit_s:

@@ -297,7 +297,7 @@ def detector(tag: Tag, rate_hz: float = 3750.0, **options: Any) -> PulseDetector
 def mission(settings: Settings, directory: Path, **options: Any) -> Mission:
     """Make a supervisor's mission whose events go nowhere."""
     usual: dict[str, Any] = {
-        "tell": lambda _severity, _text: None,
+        "notify": lambda _severity, _text: None,
         "on_start": lambda _flight: None,
         "on_stop": lambda: None,
     }

@@ -189,6 +189,6 @@ def test_what_this_computer_has_looked_at_itself_stands() -> None:
         Finding(what="disk", ok=False, text="full", remedy="Make room"),
         Finding(what="card", ok=True, text="well"),
     )
-    found = items(replace(FACTS, told=told), heard())
+    found = items(replace(FACTS, own_findings=told), heard())
     assert found["disk"].text == "full"
     assert list(found)[-1] == "card"

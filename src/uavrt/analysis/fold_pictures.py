@@ -9,7 +9,7 @@ import numpy as np
 from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words
 from uavrt.errors import RecordingError
 from uavrt.integration.drifting import even_time_s
-from uavrt.integration.heard_train import told_energies
+from uavrt.integration.heard_train import limited_energies
 from uavrt.integration.whole_flight import pulse_weights
 from uavrt.recording.integrated import FlightFold
 
@@ -70,7 +70,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
     joined = max(1, -(-(int(number.max()) + 1) // _ROWS))
     gain = np.interp(energies.time_s, one.places.time_s, one.places.gain[best_place(one)])
     weight = pulse_weights(gain) * (energies.heard | energies.loud[row])
-    energy = told_energies(energies, row)
+    energy = limited_energies(energies, row)
     shape = (int(number.max()) // joined + 1, columns)
     summed, squares = np.zeros(shape), np.zeros(shape)
     np.add.at(summed, (number // joined, column), weight * energy)

@@ -124,7 +124,7 @@ class Integration:
         try:
             return open_elevation(Path(terrain))
         except UavrtError as error:
-            self._frame.tell(4, f"integrated as over level ground: {error}")
+            self._frame.notify(4, f"integrated as over level ground: {error}")
             return None
 
     def _begin(self, flight: FlightInfo) -> None:
@@ -153,7 +153,7 @@ class Integration:
         self.found += result.found
         text = self._teller.text(result)
         if text is not None:
-            self._frame.tell(5, text)
+            self._frame.notify(5, text)
 
     def _work(self) -> None:
         """Judge what is asked for, in a thread: the process goes on showing that it lives."""
@@ -192,7 +192,7 @@ def main() -> None:
             integration = Integration(frame)
         except UsageError as error:
             log.error("nothing is integrated", reason=str(error))
-            frame.tell(4, f"nothing is integrated on the drone: {error.message}")
+            frame.notify(4, f"nothing is integrated on the drone: {error.message}")
             frame.idle(error.message)
             return
         while frame.running:

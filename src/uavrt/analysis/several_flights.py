@@ -19,7 +19,7 @@ from uavrt.errors import ConfigError, UsageError
 from uavrt.integration.heard_train import HeardTrain, train_pulses
 from uavrt.integration.places import Places, common_gains, distinct, places_around
 from uavrt.integration.together import JointTrain, Listened, search_together
-from uavrt.integration.train_place import PlaceBelief, place_belief, told_share, train_evidence
+from uavrt.integration.train_place import PlaceBelief, place_belief, tag_share, train_evidence
 from uavrt.integration.whole_flight import FoldedTrain, pulse_weights
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.heard import PoseColumns
@@ -196,7 +196,7 @@ class _View:
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
             sure = heard.log_trains is None or odds >= math.log(_TOLD / (1.0 - _TOLD))
         else:
-            place, sure = common, told_share(heard, self.gain, common) >= _TOLD
+            place, sure = common, tag_share(heard, self.gain, common) >= _TOLD
         silent = self.silent(heard, train, chance, flights)
         return replace(silent, found=sure, place=place if sure else None)
 

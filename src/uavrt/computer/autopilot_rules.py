@@ -1,11 +1,11 @@
-"""Which parameters an autopilot needs, so that drone and ground hear each other. Pure.
+"""Parameters that an autopilot needs to connect drone and ground. Pure.
 
 PX4 (docs.px4.io, "Serial Port Configuration", "MAVLink Peripherals"): instance n of MAVLink
-runs on the port MAV_n_CONFIG (0: off), sends what MAV_n_MODE says (2: onboard), and passes on
-what is for others if MAV_n_FORWARD is 1; the port's rate is SER_<port>_BAUD. ArduPilot
-(ardupilot.org, "Serial Port Configuration Options"): port n speaks SERIALn_PROTOCOL (2: MAVLink
-2; TUNNEL does not exist in 1) at SERIALn_BAUD, and passes nothing on with bit 10 of
-SERIALn_OPTIONS, since 2026 bit 1 of MAVn_OPTIONS. All are in force after a restart only.
+runs on the port MAV_n_CONFIG (0: off), sends what MAV_n_MODE says (2: onboard), and forwards
+messages if MAV_n_FORWARD is 1; the port's rate is SER_<port>_BAUD. ArduPilot (ardupilot.org,
+"Serial Port Configuration Options"): port n speaks SERIALn_PROTOCOL (2: MAVLink 2; TUNNEL does
+not exist in 1) at SERIALn_BAUD, and forwards nothing with bit 10 of SERIALn_OPTIONS, since 2026
+bit 1 of MAVn_OPTIONS. All take effect after a restart.
 """
 
 from collections.abc import Mapping
@@ -33,13 +33,13 @@ class Need:
 
     name: str
     value: float | None
-    """None: not reported by the autopilot."""
+    """Reported value; None: not reported."""
     wanted: float
     why: str
 
     @property
     def met(self) -> bool:
-        """Whether it is as it must be."""
+        """Whether it is as needed."""
         return self.value == self.wanted
 
 
@@ -62,7 +62,7 @@ def px4_port(port: str) -> tuple[int, str]:
 
 
 def has_serial_ports(values: Mapping[str, float | None]) -> bool:
-    """Whether a PX4 tells which ports speak MAVLink; one in simulation does not."""
+    """Whether a PX4 reports ports for MAVLink; one in simulation does not."""
     return any(values.get(f"MAV_{n}_CONFIG") is not None for n in PX4_INSTANCES)
 
 
@@ -70,7 +70,7 @@ def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bo
     """Describe what the autopilot does when the operator's ground station is lost.
 
     PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
-    (SYSID_MYGCS before 4.7); a ground station of ours is neither.
+    (SYSID_MYGCS before 4.7); our ground stations are neither.
     """
     if px4:
         action = values.get("NAV_DLL_ACT")
@@ -86,7 +86,7 @@ def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bo
 
 
 def names_to_read(px4: bool, port: str | None) -> list[str]:
-    """List the parameters that the rules look at."""
+    """List the parameters that the rules need."""
     if px4:
         names = [
             f"MAV_{n}_{what}" for n in PX4_INSTANCES for what in ("CONFIG", "MODE", "FORWARD")
@@ -102,13 +102,11 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Describe what every parameter that matters must be.
+    """Required value of every parameter that matters.
 
-    `px4`: PX4, else ArduPilot.
-    `values`: what the autopilot reports.
-    `port`: where the companion is connected; None: not at a serial port.
-    `baud`: our serial port's rate.
-    Raises `ConfigError`: no such port, or no instance of MAVLink is free for it.
+    `px4`: PX4, else ArduPilot. `port`: where the companion is connected; None: not at a serial
+    port. `baud`: our serial port's rate. Raises `ConfigError` for an unknown port, or if no
+    instance of MAVLink is free for it.
     """
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 

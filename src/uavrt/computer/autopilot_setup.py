@@ -26,11 +26,9 @@ def examine_autopilot(
 ) -> Iterator[Finding]:
     """Compare the autopilot's parameters with what uavrt needs.
 
-    `address`: link to the autopilot.
-    `port`: the autopilot's port that the companion is connected to; None: TELEM2 where the
-    address is a serial port, else none.
-    `baud`: rate of the companion's serial port in flight; None: the address's.
-    `fix`: set what is wrong, unless the vehicle is armed. Without it nothing is ever changed.
+    `port`: the autopilot's port of the companion; None: TELEM2 where the address is a serial
+    port, else none. `baud`: rate of the companion's serial port in flight; None: the address's.
+    `fix`: set what is wrong, unless the vehicle is armed.
     """
     place = parse_address(address)
     if port is None and place.device:
@@ -43,7 +41,7 @@ def examine_autopilot(
 
 
 def armed_by_link(address: str) -> bool | None:
-    """Ask the autopilot over a link that nobody else holds; None when none is heard."""
+    """Whether the autopilot on a free link is armed; None if none answers."""
 
     async def ask() -> bool:
         async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:
@@ -92,7 +90,7 @@ def _greeting(client: ParameterClient, port: str | None) -> Finding:
 
 
 async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
-    """Judge one parameter, and set it if that is wanted; True when it was changed."""
+    """Check one parameter, and set it if requested; True when it was changed."""
     if need.met:
         return Finding(what=WHAT, ok=True, text=f"{need.name} = {need.wanted:g}"), False
     if need.value is None:
@@ -108,4 +106,6 @@ async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Findin
         text = f"{need.name} was {need.value:g}, is now {need.wanted:g}: {need.why}"
         return Finding(what=WHAT, ok=True, text=text), True
     remedy = "Set it in your ground station"
-    return Finding(what=WHAT, ok=False, text=f"{text}; it was not taken", remedy=remedy), False
+    return Finding(
+        what=WHAT, ok=False, text=f"{text}; the autopilot did not accept it", remedy=remedy
+    ), False

@@ -1,7 +1,7 @@
-"""Fit for a first flight: what was heard on the bench, judged. Pure.
+"""Judges on the bench whether a drone is fit for a first flight. Pure.
 
-`Bench` listens to the records that come, on the drone or over its link; `first_flight` judges
-what it has heard and what else is known, for ``uavrt doctor --flight`` and for the page.
+`Bench` collects the records, on the drone or over its link; `first_flight` judges them and
+other facts, for ``uavrt doctor --flight`` and for the page.
 """
 
 from collections.abc import Iterable
@@ -15,21 +15,21 @@ from uavrt.messages import Poses, PulsePose, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 
 DETECTOR_SILENT_S = 15.0
-"""Over the link a detector is told of at least every 6 s, with many tags less often."""
+"""Silence of a detector that is a fault [s]; over the link each reports every 6 s or so."""
 POSE_OLD_S = 2.0
-"""Positions come five times a second; over a poor link some are lost."""
+"""Age of a position that is a fault [s]; five come each second, and poor links lose some."""
 HEARD_S = 60.0
-"""A pulse of the bench tag counts for so long."""
+"""Time for which a pulse of the bench tag counts [s]."""
 NOISE_RISE_DB = 6.0
-"""Over the quietest since the check began: four times the noise halves the range."""
+"""Rise above the quietest since the check began that is a fault [dB]; it halves the range."""
 NOISE_APART_DB = 10.0
-"""Between the tags' frequencies: a receiver alone is flat to some 3 dB over its band."""
+"""Difference between the tags' frequencies that is a fault [dB]; a receiver is flat to 3 dB."""
 NOISE_LESS_DB = 10.0
-"""Below past flights: no place is so much quieter; an antenna that is off, or less gain, is."""
+"""Drop below past flights that is a fault [dB]: the antenna is off, or the gain is less."""
 CLOCK_OFF_S = 3.0
-"""Between drone and ground station."""
+"""Difference between the drone's and the ground station's clock that is a fault [s]."""
 BATTERY_PERCENT = 50.0
-"""With less a first flight is over before it has taught anything."""
+"""Least battery for a useful first flight [%]."""
 NOISE_REMEDY = (
     "Switch off what is near, one thing after the other (camera, video link, chargers), and "
     "keep cables away from the antenna"
@@ -44,32 +44,31 @@ LEVEL_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFacts:
-    """What is known besides the records; None: not told."""
+    """Facts other than the records; None: not known."""
 
     tags: tuple[Tag, ...]
     state: SystemState | None
     heard: bool
-    """The drone answers."""
-    told: tuple[Finding, ...] = ()
-    """Items that this computer has looked at itself; they stand for those judged by what came
-    over the link."""
+    """Whether the drone answers."""
+    own_findings: tuple[Finding, ...] = ()
+    """Checks by this computer itself, which replace those by records of the link."""
     time_known: bool | None = None
-    """The autopilot's clock is known; None: asked from elsewhere."""
+    """Whether the autopilot's clock is known; None: checked elsewhere."""
     clock_off_s: float | None = None
-    """How far the drone's clock is behind the ground station's."""
+    """Ground station's clock minus the drone's [s]."""
     pose_age_s: float | None = None
-    """Of the newest position; None: none yet."""
+    """Age of the newest position [s]; None: none yet."""
     disk_free_mb: float | None = None
     disk_needed_mb: float = 0.0
     battery_percent: float | None = None
     battery_v: float | None = None
     usual_noise_db: float | None = None
-    """Of the receiver at rest in past flights; None: there is no flight that tells."""
+    """Noise of the receiver at rest in past flights [dB]; None: unknown."""
 
 
 @dataclass(slots=True)
 class _Heard:
-    """Of one tag."""
+    """Records of one tag."""
 
     detector_ns: int | None = None
     pulse_ns: int | None = None
@@ -80,7 +79,7 @@ class _Heard:
 
 @dataclass(slots=True)
 class Bench:
-    """Hears what comes; times are when it came."""
+    """Collects records, with the times when they came."""
 
     tags: dict[int, _Heard] = field(default_factory=dict)
     pose_ns: int | None = None
@@ -88,7 +87,7 @@ class Bench:
     """Whether the newest pulse had a position; None: no pulse yet."""
 
     def take(self, record: object, now_ns: int) -> None:
-        """Hear a record; others than pulses, reports and poses say nothing here."""
+        """Add a record; only pulses, reports and poses count."""
         match record:
             case PulsePose():
                 one = self.alive(record.pulse.tag_id, now_ns)
@@ -102,18 +101,18 @@ class Bench:
                 self.pose_ns = now_ns
 
     def alive(self, tag_id: int, now_ns: int) -> _Heard:
-        """Hear a detector's sign of life."""
+        """Note a detector's sign of life."""
         one = self.tags.setdefault(tag_id, _Heard())
         one.detector_ns = now_ns
         return one
 
     def forget(self) -> None:
-        """Begin anew: another drone, or another place for this one."""
+        """Reset for another drone, or another place of this one."""
         self.tags.clear()
         self.pose_ns = self.posed = None
 
     def noise(self, tags: Iterable[Tag]) -> dict[int, _Heard]:
-        """Those of the tags whose noise is known."""
+        """Known noise of the tags."""
         ids = {tag.tag_id for tag in tags}
         return {
             tag_id: one
@@ -129,10 +128,8 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Judge each item of the list; what is not known is not in order.
+    """Judge each item of the list; what is unknown is not in order.
 
-    `facts`: what is known besides the records.
-    `bench`: what was heard.
     `now_ns`: on the clock of the bench.
     """
     judged = [
@@ -147,12 +144,12 @@ def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]
     ]
     if not facts.heard:
         judged = [_without_drone(finding) for finding in judged]
-    told = {finding.what: finding for finding in facts.told}
-    return [told.pop(finding.what, finding) for finding in judged] + list(told.values())
+    own = {finding.what: finding for finding in facts.own_findings}
+    return [own.pop(finding.what, finding) for finding in judged] + list(own.values())
 
 
 def _without_drone(finding: Finding) -> Finding:
-    """What only the drone tells waits for it; no remedy of its own sends anybody astray."""
+    """Mark items that need the drone as waiting, without a remedy of their own."""
     if finding.ok or finding.what in ("drone", "tags"):
         return finding
     return _bad(finding.what, "unknown: no contact with the drone", "Waiting for the drone")
@@ -220,7 +217,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Judge what is even and steady: that loud noise is, too, only past flights tell."""
+    """Judge noise that is even and steady, which only past flights show to be too loud."""
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(
@@ -287,11 +284,11 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "tags"
     if not facts.tags:
         return _bad(what, "no tags in the table", "Type them in under Set-up")
-    nobody = _Heard()
+    nothing = _Heard()
     heard = [
-        (tag, bench.tags.get(tag.tag_id, nobody))
+        (tag, bench.tags.get(tag.tag_id, nothing))
         for tag in facts.tags
-        if _age_s(bench.tags.get(tag.tag_id, nobody).pulse_ns, now_ns) <= HEARD_S
+        if _age_s(bench.tags.get(tag.tag_id, nothing).pulse_ns, now_ns) <= HEARD_S
     ]
     if not heard:
         return _bad(

@@ -27,21 +27,21 @@ from uavrt.radio.devices import usb_radios
 
 THERMAL = Path("/sys/class/thermal")
 LISTEN_S = 4.0
-"""Heartbeats come once a second."""
+"""Time to wait for a heartbeat, sent once a second [s]."""
 HOT_C = 80.0
-"""A Raspberry Pi 5 slows down from 80 °C (Raspberry Pi documentation, frequency management)."""
+"""Temperature from which a Raspberry Pi 5 slows down [°C] (Raspberry Pi documentation)."""
 IDLE_CORES_NEEDED = 0.5
-"""A hundred tags need a tenth of a core of the reference machine, some small cores a half."""
+"""Idle cores needed; a hundred tags take a tenth of a core of the reference machine."""
 
 
 def examine(
     settings: Settings, running: SystemStatus | None, *, mavlink: str | None = None
 ) -> Iterator[Finding]:
-    """Look at everything, one finding after the other.
+    """Check everything, one finding after the other.
 
-    `settings`: the settings that would be flown with.
-    `running`: state of a system that runs already: it holds the radio and the serial port.
-    `mavlink`: listen for the autopilot there instead, also beside a running system.
+    `settings`: of the flight. `running`: state of a system that runs already and uses the radio
+    and the serial port. `mavlink`: another link on which to find the autopilot, also while a
+    system runs.
     """
     yield check_radio(settings, running)
     if mavlink is not None:
@@ -56,7 +56,7 @@ def examine(
 
 
 def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
-    """Is the radio there?"""
+    """Check that the radio is there."""
     if running is not None and running.state in (SystemState.DETECTING, SystemState.CAPTURING):
         receiver = next((p for p in running.processes if p.process == "receiver"), None)
         good = receiver is not None and receiver.ok
@@ -71,7 +71,7 @@ def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
 
 
 def check_permissions(settings: Settings) -> Finding:
-    """May this user use the radio's USB device and the serial port?"""
+    """Check that this user may use the radio's USB device and the serial port."""
     nodes = [radio.node for radio in usb_radios()]
     closed = [str(node) for node in nodes if not os.access(node, os.R_OK | os.W_OK)]
     if closed:
@@ -111,7 +111,7 @@ def _groups() -> list[str]:
 
 
 def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding:
-    """Does an autopilot answer?"""
+    """Check that an autopilot answers."""
     what = "autopilot"
     address = settings.mavlink.address
     if not address:
@@ -131,7 +131,7 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
 
 
 def _listen(settings: Settings) -> tuple[bool, str]:
-    """Listen for an autopilot; whether one was heard, and what to say of it."""
+    """Wait for an autopilot; whether one was received, and a text."""
     clock = Clock.start()
     link = Connection(
         Handlers(
@@ -168,7 +168,7 @@ def _listen(settings: Settings) -> tuple[bool, str]:
 
 
 def check_clock() -> Finding:
-    """Is the clock set? Every time in a flight hangs on it."""
+    """Check that the clock is set, which dates a flight."""
     kept = check_kept_time()
     if not kept.ok or not (synchronized := _timedatectl()):
         return kept
@@ -179,7 +179,7 @@ def check_clock() -> Finding:
 
 
 def check_kept_time() -> Finding:
-    """Does this computer know the time by itself, as it has to where there is no network?"""
+    """Check that this computer keeps the time without a network."""
     fault = clock_fault()
     text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
     if fault is None:
@@ -199,7 +199,7 @@ def check_kept_time() -> Finding:
 
 
 def _timedatectl() -> str:
-    """Ask systemd whether a time server has set the clock: ``yes``, ``no`` or nothing."""
+    """Whether a time server has set the clock, by systemd: ``yes``, ``no`` or nothing."""
     if shutil.which("timedatectl") is None:
         return ""
     finished = subprocess.run(
@@ -213,7 +213,7 @@ def _timedatectl() -> str:
 
 
 def check_disk(settings: Settings) -> Finding:
-    """Is there room for a flight?"""
+    """Check that there is room for a flight."""
     directory = Path(settings.recording.directory).resolve()
     present = next(path for path in (directory, *directory.parents) if path.exists())
     free_mb = shutil.disk_usage(present).free / 1e6
@@ -230,7 +230,7 @@ def check_disk(settings: Settings) -> Finding:
 
 
 def check_card(settings: Settings) -> Finding:
-    """Is the card that flights lie on in good health?"""
+    """Check the health of the card with the flights."""
     what = "card"
     directory = Path(settings.recording.directory).resolve()
     present = next(path for path in (directory, *directory.parents) if path.exists())
@@ -252,7 +252,7 @@ def check_card(settings: Settings) -> Finding:
 
 
 def check_processor(measure_s: float = 1.0) -> Finding:
-    """Is there processor time left?"""
+    """Check that processor time is left."""
     before = _idle_s()
     time.sleep(measure_s)
     idle = (_idle_s() - before) / measure_s
@@ -272,7 +272,7 @@ def _idle_s() -> float:
 
 
 def check_temperature() -> Finding:
-    """Is the processor cool enough?"""
+    """Check that the processor is cool enough."""
     hottest: float | None = None
     for zone in THERMAL.glob("thermal_zone*/temp"):
         with suppress(OSError, ValueError):

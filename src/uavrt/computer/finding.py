@@ -1,4 +1,4 @@
-"""What a check has found; without imports, so that a ground station on any computer has it."""
+"""Result of a check; without imports, so that a ground station on any computer has it."""
 
 from dataclasses import dataclass
 
@@ -12,4 +12,4 @@ class Finding:
     text: str
     remedy: str = ""
     open: bool = False
-    """Neither in order nor wrong: it cannot be judged yet, and hinders nobody."""
+    """Whether it cannot be judged yet; then it does not count as a fault."""

@@ -1,8 +1,8 @@
-"""The first set-up of a drone's computer: what its image asks on the page, step by step.
+"""First set-up of a drone's computer: the steps on its image's page.
 
-Each step is judged as a whole and then written at once to ``uavrt.toml``, so that a power cut
-costs no step. What only root may change (hostname, passwords, whose updates are taken) is left
-in ``set-up.conf`` beside it, for the image's own start (``uavrt-identity``) to take and remove.
+Each step is checked as a whole and written at once to ``uavrt.toml``, so that a power cut loses
+no step. Values for root (hostname, passwords, update keys) go to ``set-up.conf`` there, which
+the image's own start (``uavrt-identity``) applies and removes.
 """
 
 import os
@@ -35,32 +35,32 @@ from uavrt.radio.devices import usb_radios
 
 STEPS = ("name", "antenna", "radio", "autopilot", "keys")
 DONE = "set-up-done"
-"""This file beside the settings says that nobody need be asked any more."""
+"""File next to the settings that marks the set-up as done."""
 HANDOVER = "set-up.conf"
 UPDATE_KEYS = "update-keys.pem"
 COMMAND_KEY = "command.key"
 NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
-"""A hostname (RFC 1123) that the computer's Wi-Fi can have as well: 32 bytes."""
+"""A hostname (RFC 1123) that also fits the computer's Wi-Fi: 32 bytes."""
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
-"""A password: WPA wants 8 to 63 signs; these need no quoting anywhere."""
+"""A password: WPA needs 8 to 63 characters; these need no quoting."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
 SSH_KEY = re.compile(
     r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
     r"(?: [A-Za-z0-9@._-]{1,80})?"
 )
-"""A public key of who may log in, as ``ssh-keygen`` writes it (sshd(8)), without options."""
+"""A public key for log-in, as ``ssh-keygen`` writes it (sshd(8)), without options."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepFault:
-    """What is wrong with what was typed."""
+    """A fault in a typed value."""
 
     field: str
     text: str
 
 
 class FirstSetup:
-    """The steps, and what is known of this computer.
+    """The steps, and the state of this computer.
 
     `config`: the drone side's ``uavrt.toml``.
     """
@@ -74,11 +74,11 @@ class FirstSetup:
 
     @property
     def wanted(self) -> bool:
-        """Whether nobody has gone through it yet."""
+        """Whether the set-up has not been done yet."""
         return not (self.config.parent / DONE).exists()
 
     def values(self) -> dict[str, Any]:
-        """Get what each step begins with; no secrets."""
+        """Initial values of each step; no secrets."""
         settings = self._settings()
         return {
             "name": self._handed_over().get("name") or socket.gethostname(),
@@ -94,7 +94,7 @@ class FirstSetup:
         }
 
     def choices(self) -> dict[str, Any]:
-        """Get what may be chosen, and which radios are plugged in."""
+        """Possible choices, and the radios that are plugged in."""
         return {
             "antennas": list(PATTERNS),
             "radios": [
@@ -110,10 +110,10 @@ class FirstSetup:
         }
 
     def take(self, step: str, values: object) -> tuple[StepFault, ...]:
-        """Judge a step and, if it has no fault, write it.
+        """Check a step and, without a fault, write it.
 
-        Raises `UsageError`: there is no such step, it is done already, or the values are none.
-        Raises `ConfigError`: the settings cannot be written.
+        Raises `UsageError` if the step is unknown or done, or the values are malformed;
+        `ConfigError` if the settings cannot be written.
         """
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,
@@ -144,15 +144,12 @@ class FirstSetup:
         allowed = check_permissions(settings)
         if not allowed.ok:
             return [allowed]
-        # The drone side holds its own port, and says what it hears there.
+        # The drone side uses its own port and reports what it receives there.
         held = running if settings.mavlink.address == self._runs_with else None
         return [check_autopilot(settings, held)]
 
     def finish(self) -> dict[str, str]:
-        """End the set-up: from the next start on nobody is asked.
-
-        Raises `UsageError`: a step is missing.
-        """
+        """End the set-up for good; raises `UsageError` if a step is missing."""
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]
         if missing:
@@ -162,7 +159,7 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """Get the drone's command key, for a laptop that is to command; only while set up."""
+        """The drone's command key, for a laptop that is to command; only during set-up."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:
@@ -296,7 +293,7 @@ class FirstSetup:
         write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
     def _may_log_in(self) -> Path:
-        """Keys of who may log in to an image (deploy/image/configure-root.sh)."""
+        """Keys allowed to log in to an image (deploy/image/configure-root.sh)."""
         return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:
@@ -306,7 +303,7 @@ class FirstSetup:
 
 @contextmanager
 def _writing(directory: Path) -> Iterator[None]:
-    """Say of a disk that takes nothing what to do about it."""
+    """Name the remedy if the disk cannot be written."""
     try:
         yield
     except OSError as error:
@@ -322,7 +319,7 @@ def _text(values: dict[str, Any], name: str) -> str:
 
 
 def _number(values: dict[str, Any], name: str) -> float | None:
-    """Read a number that was typed, perhaps with a comma."""
+    """Read a typed number, perhaps with a decimal comma."""
     value = values.get(name)
     if isinstance(value, bool):
         return None
@@ -337,7 +334,7 @@ def _lines(pem: str) -> str:
 
 
 def _are_public_keys(pem: str) -> bool:
-    """Whether a text holds nothing but public keys of the kind that signs updates."""
+    """Whether a text holds only public keys of the kind that signs updates."""
     keys = split_keys(_lines(pem))
     return bool(keys) and "".join(keys) == _lines(pem) and all(map(_is_ed25519, keys))
 
@@ -346,11 +343,12 @@ def _is_ed25519(pem: str) -> bool:
     command = ["openssl", "pkey", "-pubin", "-noout", "-text"]
     environment = os.environ | {"LC_ALL": "C"}
     try:
-        told = subprocess.run(
+        listed = subprocess.run(
             command, input=pem.encode(), capture_output=True, check=False, env=environment
         )
     except FileNotFoundError:
         raise UsageError(
-            "there is no openssl to look at keys with", remedy="sudo apt install openssl"
+            "openssl is not installed: keys cannot be checked",
+            remedy="sudo apt install openssl",
         ) from None
-    return told.returncode == 0 and told.stdout.upper().startswith(b"ED25519")
+    return listed.returncode == 0 and listed.stdout.upper().startswith(b"ED25519")

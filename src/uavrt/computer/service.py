@@ -1,10 +1,10 @@
 """Start at boot: a systemd unit and a udev rule.
 
-The unit is ``Type=notify`` with a watchdog (systemd.service(5)): systemd starts the supervisor
-again when it ends or falls silent, and the supervisor goes on with the flight. It is confined
-to what a drone needs (systemd.exec(5)): its directory, removable drives, USB radios, serial
-ports and the network. The rule lets the group ``plugdev`` use the radio: Debian's own rule
-(``TAG+="uaccess"``) opens it only to the user at the screen, not to ssh and not to a service.
+The unit is ``Type=notify`` with a watchdog (systemd.service(5)): systemd restarts the
+supervisor when it ends or falls silent, and the supervisor resumes the flight. It is confined
+(systemd.exec(5)) to its directory, removable drives, USB radios, serial ports and the network.
+The rule lets the group ``plugdev`` use the radio: Debian's own rule (``TAG+="uaccess"``) opens
+it only to the user at the screen, not to ssh and not to a service.
 """
 
 import pwd
@@ -26,10 +26,10 @@ RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
 UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
-"""The supervisor speaks every second; the tuner may hold it for 10 s as a flight starts."""
+"""Silence after which systemd restarts it [s]; the tuner may take 10 s as a flight starts."""
 
 DRIVES = ("/media", "/run/media")
-"""Where drives that are plugged in appear: "save logs" copies the flights there."""
+"""Directories where drives appear, for "save logs"."""
 DEVICES = (
     "char-usb_device",
     "char-ttyUSB",
@@ -38,7 +38,7 @@ DEVICES = (
     "char-ttyS",
     "char-ttyTHS",
 )
-"""Kernel names (``/proc/devices``) of USB radios and of serial ports: USB cables, boards with a
+"""Kernel names (``/proc/devices``) of USB radios and serial ports. USB cables, boards with a
 USB port of their own, the Raspberry Pi's, a PC's and the Jetson's pins."""
 _TEMPORARY = (Path("/tmp"), Path("/var/tmp"))
 _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
@@ -46,17 +46,17 @@ _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServicePlan:
-    """What the service runs, as whom, where."""
+    """Program, user and directories of the service."""
 
     program: Path
     """The ``uavrt`` command."""
     user: str
     directory: Path
-    """Working directory: relative paths of the settings begin here."""
+    """Working directory, to which paths of the settings are relative."""
     config: Path | None = None
     """Settings file; None: ``uavrt.toml`` in the directory, if it is there."""
     writable: tuple[Path, ...] = ()
-    """Directories outside of `directory` that the settings name: flights, save logs."""
+    """Directories outside of `directory` in the settings: flights, save logs."""
     prefix: Path | None = None
     """Where versions can be exchanged (`uavrt.computer.versions`); None: nowhere."""
 
@@ -66,7 +66,7 @@ def unit_text(plan: ServicePlan) -> str:
     config = ["--config", str(plan.config)] if plan.config is not None else []
     command = " ".join(_quoted(word) for word in (str(plan.program), "run", *config))
     places = [str(plan.directory), *(str(path) for path in plan.writable)]
-    # A directory that is not there yet must not keep the drone on the ground.
+    # A missing directory must not prevent a flight.
     writable = " ".join(_place(place) for place in (*places, *DRIVES))
     devices = "\n".join(f"DeviceAllow={name} rw" for name in DEVICES)
     return f"""\
@@ -74,7 +74,7 @@ def unit_text(plan: ServicePlan) -> str:
 Description=uavrt: find radio-tagged animals from a drone
 Documentation=man:systemd.service(5)
 After=local-fs.target
-# However often it fails in a row, it is tried again: nobody can press a button in the air.
+# Restarts never stop: in the air it cannot be restarted by hand.
 StartLimitIntervalSec=0
 
 [Service]
@@ -153,12 +153,10 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Refuse a service that cannot start, or that would lose what it records.
+    """Refuse a service that cannot start, or that would lose its recordings.
 
-    `plan`: what would be installed.
-    `root`: root of the system that it is for; users of one without ``etc/passwd`` are not
-    checked.
-    Raises `UsageError`: an unknown user, a missing directory, or one below /tmp.
+    `root`: of the system that it is for; users of one without ``etc/passwd`` are not checked.
+    Raises `UsageError` for an unknown user, a missing directory, or one below /tmp.
     """
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
@@ -186,7 +184,7 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
 
 
 def _has_account(user: str) -> bool:
-    """Whether a user exists who may stand elsewhere than in ``etc/passwd``."""
+    """Whether a user exists, also outside of ``etc/passwd``."""
     try:
         pwd.getpwnam(user)
     except KeyError:
@@ -205,7 +203,7 @@ def _place(path: str) -> str:
 
 
 def _home_access(plan: ServicePlan) -> str:
-    """Close home directories, unless the program or its files lie in one."""
+    """Close home directories, unless the program or its files are in one."""
     used = (plan.program, plan.directory, plan.config, *plan.writable)
     within = any(
         path.is_relative_to(home) for path in used if path is not None for home in _HOMES
@@ -241,11 +239,10 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and rule, and enable the unit; as often as wanted.
+    """Write unit and rule, and enable the unit; can be repeated.
 
     `root`: another root than the running system's: files are written, nothing is started.
-    Returns: what was done, in words.
-    Raises `UsageError`: no permission.
+    Returns a description. Raises `UsageError` without permission.
     """
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
@@ -268,7 +265,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 def remove(root: Path = Path("/")) -> list[str]:
     """Stop and disable the service, and remove unit and rule; flights stay.
 
-    Raises `UsageError`: no permission.
+    Raises `UsageError` without permission.
     """
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
@@ -285,7 +282,7 @@ def remove(root: Path = Path("/")) -> list[str]:
 
 
 def status(root: Path = Path("/")) -> list[str]:
-    """Describe what is installed, and how the service is."""
+    """Describe what is installed, and the state of the service."""
     lines = [
         f"{'unit':<8}{_present(root / UNIT_PATH)}",
         f"{'at boot':<8}{'yes' if (root / WANTED_PATH).is_symlink() else 'no'}",
@@ -313,7 +310,7 @@ def _write(path: Path, text: str) -> str:
 
 
 def _link(path: Path, target: str) -> str:
-    """Enable as ``systemctl enable`` does, which needs no running systemd this way."""
+    """Enable as ``systemctl enable`` does, without a running systemd."""
     try:
         if path.is_symlink() and str(path.readlink()) == target:
             return f"{path.name} starts at boot"
@@ -331,7 +328,7 @@ def _not_allowed(path: Path, error: OSError) -> UsageError:
 
 
 def _call(*commands: Sequence[str]) -> list[str]:
-    """Run commands; say which did not work instead of stopping half-way."""
+    """Run commands; report failures instead of stopping half-way."""
     said = []
     for command in commands:
         if shutil.which(command[0]) is None:

@@ -17,19 +17,17 @@ stroke-width="2.4" stroke-linecap="round"/></svg>
 
 
 def data_home() -> Path:
-    """Where this user's desktop looks (XDG Base Directory Specification)."""
+    """Directory of this user's desktop files (XDG Base Directory Specification)."""
     given = os.environ.get("XDG_DATA_HOME", "")
-    # The specification lets relative paths count as none.
+    # The specification ignores relative paths.
     return Path(given) if given.startswith("/") else Path.home() / ".local/share"
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write the entry and its picture; as often as wanted.
+    """Write the entry and its picture; can be repeated.
 
-    `program`: the ``uavrt`` command.
-    `place`: `data_home`, or another.
-    Returns: what was written.
-    Raises `UsageError`: the program is not there, or the place cannot be written.
+    `program`: the ``uavrt`` command. `place`: `data_home`, or another. Returns what was
+    written. Raises `UsageError` if the program is missing, or the place cannot be written.
     """
     if not program.exists():
         raise UsageError(
@@ -48,7 +46,7 @@ def install_starter(program: Path, place: Path) -> list[Path]:
 
 
 def remove_starter(place: Path) -> list[Path]:
-    """Remove what `install_starter` wrote; get what was there."""
+    """Remove the files of `install_starter`; return those that were there."""
     removed = []
     for path in (place / ENTRY, place / ICON):
         try:
@@ -60,7 +58,7 @@ def remove_starter(place: Path) -> list[Path]:
 
 
 def entry_text(program: Path) -> str:
-    """Write the entry: in a terminal, for closing that ends the ground station."""
+    """Write the entry: in a terminal, whose closing ends the ground station."""
     return f"""\
 [Desktop Entry]
 Type=Application

@@ -1,9 +1,9 @@
-"""Is a version fit to fly? Judged by what the running system shows. Pure.
+"""Judges whether a new version is fit to fly, by what the running system shows. Pure.
 
-A new version is taken for good when, for a minute without a gap, the autopilot's heartbeat and
-fresh poses were there and no process had to be restarted; otherwise the one before comes back.
-While the vehicle is armed nothing is exchanged: a version that is short of something flies on,
-until for three minutes nobody has heard that it is armed.
+It is kept if, for a minute without a gap, the autopilot's heartbeat and fresh poses were there
+and no process was restarted; otherwise the previous version is restored. While the vehicle is
+armed nothing is exchanged: a deficient version flies on, until no armed state was received for
+three minutes.
 """
 
 from dataclasses import dataclass, field
@@ -16,18 +16,18 @@ from uavrt.errors import UsageError
 from uavrt.messages import Poses, SystemStatus
 
 HOLD_S = 60.0
-"""So long must everything be there."""
+"""Time for which everything must be there [s]."""
 PATIENCE_S = 180.0
-"""So long after the start, or after landing, it may take until that has happened."""
+"""Time after the start, or after landing, in which that must happen [s]."""
 GAP_S = 5.0
-"""Status comes every second, poses every half; the autopilot is lost after five heartbeats."""
+"""Longest gap [s]; status comes every second, poses every half."""
 HEARD = ("waiting for ground station", "ready")
 ARMED = "autopilot_armed"
-"""The connection's counter: 1 while the autopilot says that it is armed, 0 while not."""
+"""The connection's counter: 1 while the autopilot reports that it is armed, 0 while not."""
 
 
 class Verdict(Enum):
-    """What is to become of a version that is tried."""
+    """Decision on a version on trial."""
 
     OPEN = "open"
     GOOD = "good"
@@ -43,7 +43,7 @@ class Needs:
 
     @classmethod
     def of(cls, settings: Settings) -> "Needs":
-        """Get what a drone or a station with these settings has when all is well."""
+        """What a working drone or station with these settings has."""
         own = settings.pose.source != "autopilot"
         heartbeat = bool(settings.mavlink.address) and not own
         return cls(heartbeat=heartbeat, poses=heartbeat or own)
@@ -57,14 +57,14 @@ class Seen:
     heartbeat_s: float | None = None
     poses_s: float | None = None
     armed: bool | None = None
-    """None: nobody knows."""
+    """Whether the vehicle is armed; None: unknown."""
     state: SystemState | None = None
     restarts: dict[str, int] = field(default_factory=dict)
     restarted: tuple[str, ...] = ()
-    """Processes that had to be restarted since the record before."""
+    """Processes restarted since the record before."""
 
     def take(self, record: Any, now_s: float) -> None:
-        """Look at a record of the system."""
+        """Handle a record of the system."""
         match record:
             case Poses():
                 self.poses_s = now_s
@@ -85,12 +85,12 @@ class Seen:
                 self.armed = None if armed is None else bool(armed)
 
     def is_armed(self, now_s: float) -> bool:
-        """Whether the autopilot is heard, and says that it is armed."""
+        """Whether the autopilot is received, and reports that it is armed."""
         heard = self.heartbeat_s is not None and now_s - self.heartbeat_s <= GAP_S
         return heard and bool(self.armed)
 
     def missing(self, needs: Needs, now_s: float) -> str:
-        """Name what is not there now; nothing when all is."""
+        """Name what is missing now."""
         wanted = [(self.status_s, "the service")]
         wanted += [(self.heartbeat_s, "the autopilot's heartbeat")] * needs.heartbeat
         wanted += [(self.poses_s, "poses")] * needs.poses
@@ -99,10 +99,9 @@ class Seen:
 
 
 class Trial:
-    """Watches a version from its start.
+    """Monitors a version from its start.
 
-    `now_s`: when it was started [s].
-    `hold_s`: how long everything must be there [s].
+    `now_s`: when it was started [s]. `hold_s`: how long everything must be there [s].
     `patience_s`: how long that may take to come [s].
     """
 
@@ -123,7 +122,7 @@ class Trial:
         """What was missing last."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Take the records that have come, and say how it is."""
+        """Handle new records, and decide."""
         for record in records:
             self.seen.take(record, now_s)
             if self.seen.restarted:
@@ -138,7 +137,7 @@ class Trial:
             return Verdict.GOOD
         if self.seen.is_armed(now_s):
             self._from_s = now_s
-        # What begins again and again, as a process that dies does, must not go on for ever:
+        # A process that dies repeatedly must not extend the trial for ever:
         # only what was good when patience ended may still become so.
         end_s = self._from_s + self._patience_s
         late = now_s > end_s and (self._good_from_s is None or self._good_from_s > end_s)
@@ -148,10 +147,8 @@ class Trial:
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
     """Make sure that nothing flies, and get what the new version must show.
 
-    `seen`: what the version that runs has shown.
-    `needs`: what it should show.
-    `bench`: ask of the new version only for what is there now.
-    Raises `UsageError`: armed or recording, or it is unknown whether.
+    `seen`: what the running version has shown. `needs`: what it should show. `bench`: require
+    only what is there now. Raises `UsageError` if it is armed or recording, or this is unknown.
     """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")

@@ -1,15 +1,15 @@
-"""``uavrt update``: another version beside the one that runs, tried, and taken or taken back.
+"""``uavrt update``: install another version, try it, and keep it or go back.
 
-The steps, each of which may be the last before a power cut:
+Each step may be the last before a power cut:
 
 1. The new version is made in a directory of its own, and rehearsed there: it loads all that a
-   flight needs, and reads the settings. The running version notices nothing.
-2. ``trial`` is pointed at the version before, ``venv`` at the new one, the service restarted.
-3. The new one is watched (`uavrt.computer.trial`). If it is good, its keys are taken and
+   flight needs, and reads the settings. The running version is not affected.
+2. ``trial`` is pointed at the previous version, ``venv`` at the new one, the service restarted.
+3. The new one is monitored (`uavrt.computer.trial`). If it is good, its keys are taken and
    ``trial`` goes; if not, ``venv`` is pointed back and the service restarted once more.
 
-A cut before 2 leaves what was; after it, ``uavrt-update.service`` goes on with 3 at the next
-boot, by the program of the version before. Flights and settings are not touched.
+A cut before 2 changes nothing; after it, ``uavrt-update.service`` continues with 3 at the next
+boot, by the program of the previous version. Flights and settings are not touched.
 """
 
 import os
@@ -30,24 +30,24 @@ from uavrt.errors import UavrtError, UsageError
 Say = Callable[[str], None]
 Restart = Callable[[], None]
 Judge = Callable[[], tuple[Verdict, str]]
-"""Watches the system until it is known; the verdict, and what was missing."""
+"""Monitors the system until the verdict is known; the verdict, and what was missing."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
-"""An extra, and a distribution by which an environment with it is known."""
+"""An extra, and a distribution by which an environment with it is recognised."""
 BUILT_HERE = "wheels"
-"""Beside the versions: what deploy/install.sh had to build, as no index has it (64-bit ARM)."""
+"""Folder of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
 PAGE_UNIT = "uavrt-page.service"
-"""Of an image (deploy/image)."""
+"""Unit of an image's page (deploy/image)."""
 KEYS = ".update-keys.pem"
-"""In a version's directory: the keys that it brings."""
+"""File of a version's own keys, in its directory."""
 SPACE_FACTOR = 2.2
-"""The new version, and its wheels beside it, take at most so much of the one before."""
+"""Room that a new version and its wheels need, relative to the previous one."""
 
 
 def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
     """Read an update and decide whether it may be installed here.
 
-    Raises `UavrtError`: it is damaged, not signed, not newer, or there is no room.
+    Raises `UavrtError` if it is damaged, unsigned or not newer, or there is no room.
     """
     place.require()
     update = read_update(path, place.keys)
@@ -56,7 +56,7 @@ def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update
         raise UsageError(text, remedy="Let that end first: uavrt update --resume")
     present = place.current()
     if present.name == update.name:
-        raise UsageError(f"{update.version} is installed already, just this build of it")
+        raise UsageError(f"this build of {update.version} is already installed")
     version = version_of(present)
     if version_key(update.version) <= version_key(version) and not downgrade:
         raise UsageError(
@@ -83,11 +83,11 @@ def _require_room(place: Installation, present: Path) -> None:
 def install_beside(
     update: Update, place: Installation, *, config: Path, directory: Path
 ) -> Path:
-    """Make the new version beside the present one, and rehearse it; get where it is.
+    """Make and rehearse the new version next to the present one; get its directory.
 
-    `config`: settings that it must be able to read, if they exist.
-    `directory`: where the service runs.
-    Raises `UavrtError`: it cannot be installed, or does not run; nothing has changed then.
+    `config`: settings that it must be able to read, if they exist. `directory`: where the
+    service runs. Raises `UavrtError` if it cannot be installed or does not run; nothing has
+    changed then.
     """
     made = place.version_directory(update.name)
     try:
@@ -106,9 +106,9 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Build the command that runs a module of an environment as root.
+    """Command that runs a module of an environment as root.
 
-    ``-I``: nothing in the working directory, which may be the service's user's, is imported.
+    ``-I``: imports nothing from the working directory, which may be the service's user's.
     """
     return [str(environment / "bin/python"), "-I", "-m", *words]
 
@@ -141,7 +141,7 @@ def _make(update: Update, present: Path, made: Path) -> None:
 
 
 def _require_libraries(made: Path, update: Update) -> None:
-    """Make sure that what is there suffices for the new program; raises `UsageError`."""
+    """Raise `UsageError` unless the present libraries suffice for the new program."""
     done = subprocess.run(
         python_module(made, "pip", "check"),
         capture_output=True,
@@ -178,7 +178,7 @@ def _run(command: Sequence[str], update: Update) -> None:
 
 
 def _environment() -> dict[str, str]:
-    """Nothing of the caller's Python or pip, and no network."""
+    """Environment variables without the caller's Python or pip, and without a network."""
     kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG")}
     return kept | {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
 
@@ -195,7 +195,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
         said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
-            remedy="The version before goes on; report this, and see whether a setting in "
+            remedy="The previous version goes on; report this, and see whether a setting in "
             "uavrt.toml is the reason",
         )
 
@@ -203,7 +203,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
 def exchange(
     made: Path, place: Installation, *, restart: Restart, judge: Judge, say: Say
 ) -> bool:
-    """Let the new version run, watch it, and take it or go back; whether it was taken."""
+    """Run the new version, monitor it, and keep it or go back; whether it was kept."""
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)
@@ -213,9 +213,9 @@ def exchange(
 
 
 def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
-    """Watch a version on trial, and take it or go back; whether it was taken.
+    """Monitor a version on trial, and keep it or go back; whether it was kept.
 
-    This is also what is left to do after a power cut, whenever that was.
+    Also called after a power cut.
     """
     before = place.before()
     if before is None:
@@ -239,7 +239,7 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
 
 
 def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
-    """Start the version before again, and remove the refused one."""
+    """Start the previous version again, and remove the refused one."""
     restarted = _restart(restart, say)
     place.forget_trial()
     if restarted:  # otherwise the refused one may still run from its files
@@ -247,7 +247,7 @@ def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> N
 
 
 def _restart(restart: Restart, say: Say) -> bool:
-    """Restart the service; where that fails, the watch will find that it is not there."""
+    """Restart the service; if that fails, the trial will find it missing."""
     try:
         restart()
     except UavrtError as error:
@@ -257,7 +257,7 @@ def _restart(restart: Restart, say: Say) -> bool:
 
 
 def _take_keys(version: Path, place: Installation) -> None:
-    """Let the keys count that came with a version, if any did."""
+    """Use the keys that came with a version, if any did."""
     try:
         text = (version / KEYS).read_text(encoding="ascii")
     except FileNotFoundError:
@@ -276,10 +276,10 @@ def restart_by(command: Sequence[str]) -> None:
 
 
 def restart_page() -> None:
-    """Let the page of an image run the version that runs now; elsewhere nothing happens.
+    """Restart an image's page with the present version; elsewhere nothing happens.
 
-    It is a service of its own, which would go on with the files of the version before until
-    these are removed.
+    This separate service would go on with the files of the previous version until these are
+    removed.
     """
     with suppress(OSError):
         command = ["systemctl", "try-restart", PAGE_UNIT]

@@ -6,7 +6,7 @@ A ``.tar`` holds a program and all its libraries::
     update.sig         Ed25519 signature (RFC 8032) of the manifest's bytes, 64 bytes
     wheels/NAME.whl    for several processors and Pythons, if wanted
 
-A ``.whl`` holds the program alone, for the libraries that are there; its signature is beside it
+A ``.whl`` holds the program alone, for the libraries that are there; its signature is
 in ``FILE.whl.sig``. Nothing of either is unpacked or run before the signature is found good.
 
 Signatures are checked by ``openssl`` (``pkeyutl -rawin``, OpenSSL 3). The keys that count are
@@ -58,13 +58,13 @@ class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What an update says of itself."""
+    """Contents of an update, as it declares them."""
 
     format: int
     version: str
     files: Annotated[tuple[Wheel, ...], msgspec.Meta(min_length=1, max_length=500)]
     keys: str | None = None
-    """Public keys that count from now on, instead of those before; None: as before."""
+    """Public keys that replace the previous ones; None: unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,11 +76,11 @@ class Update:
     name: str
     """Version and the first digits of its hash: two builds of a version differ."""
     alone: bool
-    """Without libraries: it needs those that are there."""
+    """Whether it has no libraries of its own."""
     manifest: Manifest | None
     """None for a wheel alone."""
     content: bytes | None = None
-    """Of a wheel alone: what was signed, whatever becomes of the file."""
+    """Signed bytes of a wheel alone, whatever becomes of the file."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
@@ -110,12 +110,10 @@ def version_key(version: str) -> tuple[object, ...]:
 
 
 def read_update(path: Path, keys: Path) -> Update:
-    """Find out what an update is, once its signature is good; nothing is unpacked.
+    """Read an update once its signature is verified; nothing is unpacked.
 
-    `path`: the ``.tar`` or ``.whl``.
-    `keys`: file of the public keys that count.
-    Raises `FormatError`: it is damaged, truncated, or none.
-    Raises `UsageError`: no key counts, or none of them has signed it.
+    `path`: the ``.tar`` or ``.whl``. `keys`: file of the valid public keys. Raises
+    `FormatError` if it is damaged or no update, `UsageError` if no valid key has signed it.
     """
     try:
         if path.suffix == ".whl":
@@ -139,12 +137,12 @@ def _read_wheel(path: Path, keys: Path) -> Update:
     if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
         raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
     content = read_file(path, Limit(what="a wheel", bytes=MOST_WHEEL_BYTES))
-    beside = path.with_name(f"{path.name}.sig")
+    signature_path = path.with_name(f"{path.name}.sig")
     try:
-        signature = read_file(beside, Limit(what="a signature", bytes=SIGNATURE_BYTES))
+        signature = read_file(signature_path, Limit(what="a signature", bytes=SIGNATURE_BYTES))
     except FileNotFoundError:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
-        raise UsageError(f"there is no {beside}", remedy=remedy) from None
+        raise UsageError(f"there is no {signature_path}", remedy=remedy) from None
     require_signed(content, signature, keys, path)
     version = _wheel_version(content, path)
     version_key(version)
@@ -167,7 +165,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
         text = f"{path} is not uavrt {named}, as its name says"
         raise FormatError(text, remedy="Give the file the name that it was made with") from None
     except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
-        raise FormatError(f"{path} is no wheel: {error}", remedy=COPY_AGAIN) from error
+        raise FormatError(f"{path} is not a wheel: {error}", remedy=COPY_AGAIN) from error
     if (metadata["Name"], metadata["Version"]) != ("uavrt", named):
         raise FormatError(
             f"{path} holds {metadata['Name']} {metadata['Version']}, not uavrt {named}",
@@ -179,7 +177,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 def unpack_wheels(update: Update, directory: Path) -> None:
     """Write the wheels of a ``.tar``, each compared with the signed manifest.
 
-    Raises `FormatError`: one is missing, truncated, or not the one that was signed.
+    Raises `FormatError` if one is missing, truncated, or does not match its signature.
     """
     assert update.manifest is not None
     with _opened(update.path) as archive:
@@ -200,15 +198,15 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
             yield archive
     except (tarfile.TarError, EOFError, ValueError, OverflowError) as error:
         raise FormatError(
-            f"{path} is no update, or damaged: {error}", remedy=COPY_AGAIN
+            f"{path} is not an update, or is damaged: {error}", remedy=COPY_AGAIN
         ) from error
 
 
 def _check_headers(path: Path) -> None:
-    """Refuse sizes that cannot be; `tarfile` reads names and tables whole, whatever their size.
+    """Refuse impossible sizes; `tarfile` reads names and tables whole, whatever their size.
 
     Blocks of 512 bytes (POSIX.1-2017, pax): the size of what follows in octal at 124, its kind
-    at 156; what is larger than the file, or a name that is no name, is none of ours.
+    at 156; sizes beyond the file and invalid names are refused.
     """
     there = path.stat().st_size
     at = 0
@@ -231,7 +229,7 @@ def _check_headers(path: Path) -> None:
 
 
 def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> bytes:
-    """Read a plain file of the archive; `size` is what the manifest says of it."""
+    """Read a plain file of the archive; `size` is from the manifest."""
     try:
         member = archive.getmember(name)
     except KeyError:
@@ -239,7 +237,9 @@ def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> byt
         raise FormatError(text, remedy=COPY_AGAIN) from None
     most = MOST_MANIFEST_BYTES if size is None else size
     if not member.isreg() or member.size > most or (size is not None and member.size != size):
-        raise FormatError(f"{archive.name!s}: {name} is not what it says", remedy=COPY_AGAIN)
+        raise FormatError(
+            f"{archive.name!s}: {name} does not match its manifest", remedy=COPY_AGAIN
+        )
     file = archive.extractfile(member)
     content = b"" if file is None else file.read()
     if len(content) != member.size:
@@ -258,7 +258,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
         raise FormatError(f"{path}: {MANIFEST} names files that are no wheels")
     if manifest.keys is not None and not split_keys(manifest.keys):
-        raise FormatError(f"{path}: the keys that it brings are none")
+        raise FormatError(f"{path}: its new keys are invalid")
     version_key(manifest.version)
     return manifest
 
@@ -269,10 +269,9 @@ def split_keys(text: str) -> list[str]:
 
 
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
-    """Make sure that one of the keys has signed the content.
+    """Raise `UsageError` unless one of the keys has signed the content.
 
-    Raises `UsageError`: None has, there is no key, or others than their owner may change the
-    keys.
+    Also without a key, or if users other than their owner may change the keys.
     """
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:
@@ -285,8 +284,8 @@ def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> 
                 if _signed_by(place):
                     return
     raise UsageError(
-        f"{path} is not signed with a key that counts here, or was changed since",
-        remedy=f"{COPY_AGAIN}; the keys that count are in {keys}",
+        f"{path} is not signed with a key accepted here, or was changed since",
+        remedy=f"{COPY_AGAIN}; the accepted keys are in {keys}",
     )
 
 
@@ -296,12 +295,12 @@ def _trusted(keys: Path) -> list[str]:
         mode = stat.S_IMODE(keys.stat().st_mode)
     except OSError as error:
         raise UsageError(
-            f"no key counts here: {keys}: {error.strerror}",
-            remedy=f"Put the public key of who makes the updates there: sudo cp KEY.pem {keys}",
+            f"no accepted keys: {keys}: {error.strerror}",
+            remedy=f"Put the public key of the updates' maker there: sudo cp KEY.pem {keys}",
         ) from error
     if mode & 0o022:
         remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
-        raise UsageError(f"others than root may change {keys}", remedy=remedy)
+        raise UsageError(f"users other than root may change {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
         raise UsageError(f"there is no key in {keys}", remedy=remedy)
@@ -316,6 +315,6 @@ def _signed_by(place: Path) -> bool:
     except FileNotFoundError:
         remedy = "sudo apt install openssl"
         raise UsageError(
-            "there is no openssl to check signatures with", remedy=remedy
+            "openssl is not installed: signatures cannot be checked", remedy=remedy
         ) from None
     return done.returncode == 0

@@ -47,17 +47,17 @@ class Installation:
 
     @property
     def link(self) -> Path:
-        """What the service starts from."""
+        """Version that the service starts."""
         return self.prefix / "venv"
 
     @property
     def trial(self) -> Path:
-        """The version before, while a new one is tried."""
+        """Previous version, while a new one is tried."""
         return self.prefix / "trial"
 
     @property
     def keys(self) -> Path:
-        """The public keys of who makes updates."""
+        """Public keys of the makers of updates."""
         return self.prefix / "update-keys.pem"
 
     def version_directory(self, name: str) -> Path:
@@ -65,15 +65,15 @@ class Installation:
         return self.prefix / "versions" / name
 
     def current(self) -> Path:
-        """Get the version that the service starts; raises `UsageError`."""
+        """Version that the service starts; raises `UsageError`."""
         return _target(self.link, self.prefix)
 
     def before(self) -> Path | None:
-        """Get the version before one that is tried; None when none is."""
+        """Version before the one on trial; None without a trial."""
         return _target(self.trial, self.prefix) if self.trial.is_symlink() else None
 
     def require(self) -> None:
-        """Make sure that versions can be exchanged here; raises `UsageError`."""
+        """Raise `UsageError` unless versions can be exchanged here."""
         if not self.link.is_symlink():
             raise UsageError(
                 f"{self.link} is not a link to a version",
@@ -83,30 +83,30 @@ class Installation:
             raise UsageError(f"{self.prefix} cannot be written", remedy="Run it with sudo")
 
     def point(self, link: Path, version: Path) -> None:
-        """Let a link lead to a version, at one instant and for good."""
-        beside = link.with_name(f".{link.name}.new")
-        beside.unlink(missing_ok=True)
-        beside.symlink_to(version.relative_to(self.prefix))
-        beside.replace(link)
+        """Point a link at a version, atomically and durably."""
+        new = link.with_name(f".{link.name}.new")
+        new.unlink(missing_ok=True)
+        new.symlink_to(version.relative_to(self.prefix))
+        new.replace(link)
         self.sync()
 
     def forget_trial(self) -> None:
-        """Take what runs for good."""
+        """Keep the running version for good."""
         self.trial.unlink(missing_ok=True)
         self.sync()
 
     def mark_complete(self, version: Path) -> None:
-        """Mark a version as whole, after all its files are on the disk."""
+        """Mark a version as complete, after all its files are on the disk."""
         os.sync()
         (version / COMPLETE).touch()
         os.sync()
 
     def sync(self) -> None:
-        """Bring the links to the disk."""
+        """Sync the links to the disk."""
         sync_to_disk(self.prefix)
 
     def remove_others(self, *kept: Path) -> None:
-        """Remove versions that no link needs, and what an interrupted update has left."""
+        """Remove versions that no link needs, and remains of an interrupted update."""
         for path in (self.prefix / "versions").iterdir():
             if path not in kept:
                 shutil.rmtree(path, ignore_errors=True)
@@ -119,7 +119,7 @@ class Installation:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 remedy = "Wait until it has ended"
-                raise UsageError("another update is going on", remedy=remedy) from None
+                raise UsageError("another update is in progress", remedy=remedy) from None
             yield
 
 

@@ -1,9 +1,8 @@
-"""The times of a stream's samples, as its blocks tell them.
+"""Times of a stream's samples, from the times of its blocks.
 
-Counting at the nominal rate from the first sample is wrong behind a gap whose length nobody
-counted, where the clock was corrected, and after an hour by what the crystal is off (180 ms at
-50 ppm). Each block says when its first sample was received, and only within a block the nominal
-rate counts.
+Counting at the nominal rate from the first sample is wrong after a gap of unknown length, where
+the clock was corrected, and after an hour by the crystal's error (180 ms at 50 ppm). So the
+nominal rate counts only within a block.
 """
 
 from bisect import bisect_right
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Smaller steps are not kept: of a live clock that is corrected at every block one in many."""
+"""Smallest step that is kept [ns]; a live clock is corrected a little at every block."""
 
 
 class BlockTimes:
@@ -32,14 +31,14 @@ class BlockTimes:
 
     @property
     def start_ns(self) -> int:
-        """Time of the first block [ns, UTC]; 0 of no blocks."""
+        """Time of the first block [ns, UTC]; 0 without blocks."""
         return self._times_ns[0] if self._times_ns else 0
 
     def add(self, index: int, time_ns: int) -> None:
-        """Take the time of the next block's first sample.
+        """Add the time of the next block's first sample.
 
-        `index`: rises. Whoever counts lost samples, too, finds none at a time within a gap.
-        `time_ns`: UTC.
+        `index`: rises; with lost samples counted, none is at a time within a gap. `time_ns`:
+        UTC.
         """
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return
@@ -53,20 +52,20 @@ class BlockTimes:
         return self._times_ns[at] + ahead_ns
 
     def seconds(self, indices: NDArray[np.float64], since_ns: int) -> NDArray[np.float64]:
-        """Times of many samples since some time [s]."""
+        """Times of many samples since a time [s]."""
         at = np.maximum(np.searchsorted(self._indices, indices, side="right") - 1, 0)
         begin_s = (np.array(self._times_ns, np.int64) - since_ns) / NANOSECONDS_PER_SECOND
         ahead = indices - np.array(self._indices, np.int64)[at]
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Sample at a time; where the clock was set back, the first of two.
+        """Sample at a time; the first of two after the clock was set back.
 
-        Raises `ValueError`: no block has come yet.
+        Raises `ValueError` before the first block.
         """
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:
-                # A time that the clock left out when it was set forward.
+                # A time that the clock skipped when it was set forward.
                 return max(index, float(first)) if at else index
         raise ValueError("no block has come yet")

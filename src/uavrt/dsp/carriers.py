@@ -11,42 +11,37 @@ from numpy.typing import NDArray
 from uavrt.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""From look to look, in turn: no train of pulses keeps time with all of them."""
+"""Times between looks, in turn [ns]: no train of pulses is synchronous with all of them."""
 _LENGTH_S = 0.011
-"""At most: half as long at the least, a power of two."""
+"""Length of a look at most, half of it at least; a power of two samples [s]."""
 _LEAST_SAMPLES = 256
 _LOOKS = 3
-"""Seen in so many in a row it is no pulse."""
+"""Number of looks in a row that show a carrier, and not a pulse."""
 _STRONG = 10.0**3.0
-"""Power in its bin over the median of all: what makes products is far above the noise."""
+"""Power in its bin over the median of all; products come from carriers far above the noise."""
 MOST = 8
-"""The strongest are kept."""
+"""Number of carriers kept, the strongest."""
 _CENTRE_BINS = 4
-"""The receiver's own offset makes products where multiples are."""
+"""Bins around the centre left out: the receiver's offset makes products at multiples."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Of the strongest one's power: beyond that are the side lobes of the window."""
+"""Least power relative to the strongest; weaker peaks are side lobes of the window."""
 
 
 class Carriers:
-    """Looks at the samples of a radio for strong carriers that stay."""
+    """Finds strong steady carriers in the samples of a radio."""
 
     def __init__(self) -> None:
         self.frequencies_hz: tuple[float, ...] = ()
-        """Absolute, of those that are there now; the strongest first."""
+        """Present carriers, absolute; the strongest first [Hz]."""
         self._looks: deque[list[float]] = deque(maxlen=_LOOKS)
         self._next_ns: int | None = None
         self._apart_ns = itertools.cycle(_APART_NS)
 
     def look(self, block: IQBlock, center_frequency_hz: float) -> None:
-        """Look at a block of the radio's samples, if it is time.
+        """Examine a block of the radio's samples, if it is time.
 
-        Parameters
-        ----------
-        block : IQBlock
-            One of less than 256 samples is passed over.
-        center_frequency_hz : float
-            Of the radio.
+        Blocks of less than 256 samples are skipped. `center_frequency_hz`: of the radio.
         """
         if self._next_ns is not None and 0 < self._next_ns - block.time_ns < _APART_NS[-1]:
             return

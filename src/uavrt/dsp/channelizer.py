@@ -26,14 +26,14 @@ from uavrt.errors import UsageError
 from uavrt.native import kernels
 
 MATRIX_CHANNELS = 32
-"""Up to so many channels a small DFT matrix is cheaper than all M of an FFT (measured)."""
+"""Number of channels up to which a small DFT matrix is cheaper than an FFT (measured)."""
 
 GROUP = 8
-"""Windows that are weighted in one go: a longer inner loop saves a fifth of the fold's time."""
+"""Windows weighted in one pass: a longer inner loop saves a fifth of the fold's time."""
 
 ROWS = 1024
-"""Most outputs per pass; longer blocks are cut. A block of the receiver (262 144 samples)
-makes 655, or 327 in the compatible mode."""
+"""Most outputs per pass; longer blocks are cut. A receiver's block (262 144 samples) makes 655,
+or 327 in the compatible mode."""
 
 
 class Channelizer:

@@ -1,4 +1,4 @@
-"""Find where the receiver's converter clipped: signals there are stronger than they look."""
+"""Find where the receiver's converter clipped, so that signals are stronger than measured."""
 
 import math
 from collections import deque
@@ -10,20 +10,19 @@ from uavrt.messages import IQBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LIMIT = 0.99
-"""Of full scale, which is 1 in every format: the last code of 8 bits is 0.992."""
+"""Clipped share of full scale, 1 in every format: the last code of 8 bits is 0.992."""
 _BEYOND = 2.0
-"""Of full scale: samples beyond are of a source that has none (made by a computer). A radio's
-own filters pass it by a few tenths."""
+"""Share of full scale that only computed samples exceed; a radio's filters do by tenths."""
 _STRETCH_S = 0.5e-3
-"""What is looked at together: a pulse of 15 ms has thirty."""
+"""Length of one examined stretch [s]; a pulse of 15 ms has thirty."""
 _LEAST_SAMPLES = 64
-"""Looked at of each stretch; a tone at the limits is there for one sample in four and more."""
+"""Samples examined in each stretch; a clipped tone has one in four there or more."""
 _PULSE_SHARE = 0.2
-"""Of a pulse's stretches; an impulse at the limits makes no pulse stronger."""
+"""Share of a pulse's stretches that must be clipped; an impulse makes no pulse stronger."""
 MOST_NEW = 1000
-"""Stretches that are kept until they are taken: half a second at the least."""
+"""Most stretches kept until they are taken: half a second at the least."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
-"""Pulses are told no later than this."""
+"""Time for which stretches are kept, longer than a pulse's report takes [ns]."""
 
 
 class ClippedTimes:
@@ -31,7 +30,7 @@ class ClippedTimes:
 
     def __init__(self) -> None:
         self._stretches: deque[tuple[int, int]] = deque()
-        """Begin and end of those [ns], in order."""
+        """Begin and end of the stretches [ns], in order."""
 
     def add(self, stretches_ns: Sequence[tuple[int, int]]) -> None:
         """Add begin and end of further stretches, in order, none twice."""
@@ -40,7 +39,7 @@ class ClippedTimes:
             self._stretches.popleft()
 
     def covers(self, start_ns: int, end_ns: int) -> bool:
-        """Whether samples of a pulse between two times were at the limits."""
+        """Whether a pulse between two times was clipped."""
         inside_ns = sum(
             max(0, min(last_ns, end_ns) - max(first_ns, start_ns))
             for first_ns, last_ns in self._stretches
@@ -49,26 +48,26 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Looks at the samples of a radio for those at the limits of its converter.
+    """Finds samples at the limits of the converter.
 
-    Of fast radios not every sample is looked at, but of each half a millisecond 64.
+    Of fast radios, 64 samples of each half millisecond are examined.
     """
 
     def __init__(self) -> None:
         self.looked_s = 0.0
         self.clipped_s = 0.0
-        """Time with samples at the limits, in steps of half a millisecond."""
+        """Time with clipped samples, in steps of half a millisecond [s]."""
         self.times = ClippedTimes()
         self._new: list[tuple[int, int]] = []
         self._has_full_scale = True
 
     @property
     def share(self) -> float:
-        """Of all time that in which samples were at the limits."""
+        """Share of the time with clipped samples."""
         return self.clipped_s / self.looked_s if self.looked_s else 0.0
 
     def look(self, block: IQBlock) -> None:
-        """Look at a block of the radio's samples."""
+        """Examine a block of the radio's samples."""
         rate_hz = block.sample_rate_hz
         length = max(1, math.ceil(_STRETCH_S * rate_hz))
         count = len(block.samples) // length

@@ -24,8 +24,8 @@ from uavrt.native import kernels
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Samples per matrix product: a block of the receiver (262 144) at once. The BLAS cuts it to
-its caches by itself; passes of 40 960 samples took 10 % longer."""
+"""Samples per matrix product: a receiver's block (262 144) at once. The BLAS cuts it to its
+caches; passes of 40 960 samples took 10 % longer."""
 
 DIRECT_OUTPUTS = 1024
 """Outputs per pass of the direct sum, which bounds its memory."""
@@ -75,7 +75,7 @@ class Decimator:
         # additions. At least 5 and 40 samples were best.
         self._starts = max(5, -(-40 // factor))
         self._matrix = _shifted_taps(self._weights, factor, self._starts)
-        # An output reaches into so many blocks after the one that it starts in.
+        # Number of blocks into which an output reaches after the one that it starts in.
         self._reach = -(-((taps.size - 1) // factor) // self._starts)
         self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
         self._parts = np.empty((0, self._matrix.shape[1]), dtype=np.complex64)
@@ -161,7 +161,7 @@ class Decimator:
             shape, strides = (some.size, length), (8 * self.factor, 8)
             # The constructor takes a sixth of `as_strided`'s time, and leaves nothing behind:
             # the names in the dictionary by which that works go through Python's table of
-            # interned strings, 40 times a second, until it is made anew, with 0.5 MB more.
+            # interned strings, 40 times a second, until it is rebuilt, with 0.5 MB more.
             windows: NDArray[np.complex64] = np.ndarray(
                 shape, np.complex64, stretch, strides=strides
             )

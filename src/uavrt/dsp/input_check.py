@@ -1,4 +1,4 @@
-"""Name poor input by its samples: wrong format, gain too low, a tag on the DC line."""
+"""Detect poor input by its samples: wrong format, gain too low, a tag on the DC line."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -11,10 +11,10 @@ from uavrt.units import ns_from_s
 
 _EVERY_NS: Final = ns_from_s(1.0)
 _LOOKED_AT: Final = 8192
-"""Samples of a block that are examined."""
+"""Number of samples of a block that are examined."""
 _FEWEST_SAMPLES: Final = 1024
 _LOOKS: Final = 3
-"""Looks in a row at which a fault is there before it is reported."""
+"""Checks in a row that must show a fault before it is reported."""
 _SAME_LEVEL: Final = 0.6
 """Share of samples at one level of the converter; noise of .6 steps costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
@@ -31,10 +31,9 @@ GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 
 
 class InputCheck:
-    """Looks once a second at the radio's samples for faults of the set-up.
+    """Checks the radio's samples once a second for faults of the set-up.
 
-    `tags`: those that are searched for.
-    `center_frequency_hz`: of the radio.
+    `tags`: those that are searched for. `center_frequency_hz`: of the radio.
     """
 
     def __init__(self, tags: Iterable[Tag], center_frequency_hz: float) -> None:
@@ -47,7 +46,7 @@ class InputCheck:
         self._seen: dict[str, int] = {}
 
     def look(self, block: IQBlock) -> list[str]:
-        """Look at a block, if it is time; get what is reported for the first time."""
+        """Check a block, if it is time; get new faults."""
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
         samples = block.samples[:_LOOKED_AT]
         if not due or len(samples) < _FEWEST_SAMPLES:

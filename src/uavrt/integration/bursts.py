@@ -1,7 +1,7 @@
 """Bursts of a coded tag, each judged as one: the mean of its pulses at the gaps of its code.
 
-A column of windows becomes that of the bursts that begin there. Whatever is folded then is a
-train of bursts; whether its pulses are all there says whether it is this code's.
+A column of windows becomes that of the bursts that begin there. A folded train is then one of
+bursts; whether all its pulses are there decides if it is this code's.
 """
 
 import math
@@ -15,24 +15,24 @@ from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.messages import Tag
 
 _STRETCHES = (0.0, -0.67, 0.67)
-"""Of the tolerance of all gaps together: a tag's crystal stretches all gaps alike."""
+"""Stretches tried, as parts of the gaps' tolerance: a crystal stretches all gaps alike."""
 _LOUD_PULSES = 2
-"""Of a burst, that are seen alone, for the burst to count as loud."""
+"""Share of a burst's pulses that must be loud for the burst to count as loud."""
 _CAP = 40.0
-"""Most that one pulse counts for whose burst it is [noise energies]."""
+"""Largest contribution of one pulse to recognising the code [noise energies]."""
 _UNEQUAL_CHANCE, _DOUBTFUL_CHANCE = 1e-3, 0.1
-"""Of pulses that are equally strong, to look more unequal; and where others lie beside them."""
+"""Chance that equally strong pulses look more unequal; the second if others lie near them."""
 _UNLIKE, _UNLIKE_ALL = 0.25, 0.1
-"""Of their mean, by which pulses of one burst, and of all bursts, differ beside the noise."""
+"""Scatter of pulses in one burst, and over all bursts, beyond noise, as shares of the mean."""
 _SENDS, _SENDER = 4.5, 0.15
-"""Standard deviations of a sum, and parts of the largest, from which somebody sends there."""
+"""Limits for another sender: standard deviations of a sum, and share of the largest sum."""
 _BESIDE_S, _SLOTS_BESIDE = 0.005, 4
-"""Around a burst and a pulse, what is its own."""
+"""Margins that belong to a burst [s] and to a pulse [slots]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BurstColumns:
-    """What `slot_energies` knows of each column, of bursts that begin in it."""
+    """Arguments of `slot_energies` for the bursts that begin in each column."""
 
     power: NDArray[np.float32]
     """(rows, columns): mean over the pulses that nothing covers."""
@@ -45,7 +45,7 @@ class BurstColumns:
 
 
 def pulse_starts_s(tag: Tag) -> NDArray[np.float64]:
-    """(pulses,) from the start of a burst, or of a pulse, by the list."""
+    """Start of each pulse from the start of a burst [s], (pulses,), by the list."""
     return np.concatenate(([0.0], np.cumsum(tag.gaps_s)))
 
 
@@ -57,11 +57,10 @@ def burst_columns(
     tag: Tag,
     hop_s: float,
 ) -> BurstColumns:
-    """Take the mean over the pulses of each burst, at the best of some stretches.
+    """Average the pulses of each burst, at the best of some stretches.
 
     `power`, `seen` (rows, columns): of pulses that begin in each column, and whether it is loud
-    and looks like one.
-    `quiet`, `whole` (columns,): nothing loud is near; no sample is missing.
+    and looks like one. `quiet`, `whole` (columns,): nothing loud is near; no sample is missing.
     `hop_s`: from one column to the next.
     """
     rows, columns = power.shape
@@ -106,11 +105,10 @@ def burst_columns(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SinglePulses:
-    """Energies of single pulses, to tell whose a train of bursts is.
+    """Energies of single pulses, to identify the sender of a train of bursts.
 
     `level` (frequencies, slots): largest power over noise of the pulses that begin in each
-    slot; 0 without samples.
-    `starts_s` (pulses,): of the code, from the start of a burst.
+    slot; 0 without samples. `starts_s` (pulses,): of the code, from the start of a burst.
     """
 
     level: NDArray[np.float32]
@@ -119,11 +117,11 @@ class SinglePulses:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sender:
-    """Who makes a train of bursts, as its pulses show.
+    """Sender of a train of bursts, by its pulses.
 
     `shift_s`: by how much later the bursts of this code begin; None if it is another code's
-    train.
-    `pulses_s` (m,): where another code's pulses lie, from the start of this code's bursts.
+    train. `pulses_s` (m,): where another code's pulses lie, from the start of this code's
+    bursts.
     """
 
     shift_s: float | None
@@ -137,18 +135,18 @@ def sender_of(
     time_s: NDArray[np.float64],
     weight: NDArray[np.float64],
 ) -> Sender:
-    """Say whether a train is of this code, by the energies of its single pulses.
+    """Identify whether a train is of this code, by the energies of its single pulses.
 
-    Of a burst all pulses are equally strong. A burst of another code has some of its pulses
-    where this code has some, and none at the others; so has a burst of this code that is
-    taken to begin at another of its pulses.
+    All pulses of a burst are equally strong. A burst of another code has some of its pulses
+    where this code has some, and none at the others; so has a burst of this code whose start is
+    taken at another of its pulses.
 
-    `time_s` (n,): starts of the bursts, from the first slot's beginning.
-    `weight` (n,): by how strong each is expected.
+    `time_s` (n,): starts of the bursts, from the first slot's beginning. `weight` (n,):
+    expected strength of each.
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), _CAP)
-    # What is found in a slot beside belongs to the pulse, too: the train's times are rough.
+    # Neighbouring slots belong to the pulse, too: the train's times are rough.
     near = ndimage.maximum_filter1d(capped, 3)
     listened = near > 0.0
     reach = 2 * round((single.starts_s[-1] + _BESIDE_S) / slot_s)
@@ -165,8 +163,8 @@ def sender_of(
     profile = weight @ over[at[:, np.newaxis] + lags]
     deviation = 1.4826 * float(np.median(np.abs(profile - np.median(profile))))
     sums = weight @ picked
-    beside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > _SLOTS_BESIDE
-    strange = beside & (profile > max(_SENDS * deviation, 0.5 * float(sums.mean())))
+    outside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > _SLOTS_BESIDE
+    strange = outside & (profile > max(_SENDS * deviation, 0.5 * float(sums.mean())))
     if off <= _limit(_UNEQUAL_CHANCE if not strange.any() else _DOUBTFUL_CHANCE, len(sums)):
         return own
     least = max(_SENDS * deviation, _SENDER * float(sums.max()))
@@ -186,7 +184,7 @@ def sender_of(
 def _inequality(
     over: NDArray[np.float64], weight: NDArray[np.float64], variance: float
 ) -> float:
-    """Chi square of the sums of each pulse of the bursts, if all are equally strong.
+    """Chi-square of the sums of each pulse of the bursts, if all are equally strong.
 
     Energies of pulses of a strength S vary by noise, by 2 S and by a part of S.
     """
@@ -208,7 +206,7 @@ def _picked(
     starts_s: NDArray[np.float64],
     slot_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """(bursts, pulses) at the stretch that has most, and the pulses' slots from the start."""
+    """Energies (bursts, pulses) at the best stretch, and the pulses' slots from the start."""
     found = []
     for stretch in _STRETCHES:
         longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
@@ -225,7 +223,7 @@ def hidden_with_s(
 
 
 def exponentials(mean: float, pulses: int) -> float:
-    """How many bursts of noise have a largest of such a mean energy of a pulse.
+    """Number of noise bursts whose largest mean pulse energy has this mean.
 
     The largest of m Erlang variables of shape p has the mean of the integral of 1 - F(x)^m.
     """
@@ -239,13 +237,13 @@ def exponentials(mean: float, pulses: int) -> float:
 def log_ratio_parts(
     energy: NDArray[np.float64], strength: NDArray[np.float64], pulses: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Density and law of a burst's mean energy, over those of noise.
+    """Density and distribution function of a burst's mean energy, over those of noise.
 
     The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
     (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
 
-    `energy` (energies,): mean of a burst's pulses [noise energies].
-    `strength`: shape (strengths, 1).
+    `energy` (energies,): mean of a burst's pulses [noise energies]. `strength`: shape
+    (strengths, 1).
     """
     total, power = pulses * energy, pulses * strength
     x = 2.0 * np.sqrt(total * power)

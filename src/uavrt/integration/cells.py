@@ -1,4 +1,4 @@
-"""Parts of the ground around a flight, how likely a tag is in each, and what regions hold."""
+"""Cells of the ground around a flight: their probability, and credible regions."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -18,22 +18,21 @@ _FINE = 3
 """Parts of a likely cell in bearing and distance."""
 _MOST_FINED = 300
 _ALWAYS_FINED = 60
-"""The likeliest cells, however little they hold: between the middles of cells that are wide for
-a loud tag, the likelihood varies by more than from one to the next."""
+"""Number of likeliest cells that are always divided, however little they hold. Cells are wide
+for a loud tag: the likelihood varies within them by more than to the next."""
 _EVEN = 2.0
-"""Where log likelihoods differ by more among the parts of a cell, these are looked at in parts
-again …"""
+"""Difference of log likelihoods among a cell's parts above which these are divided again …"""
 _FINEST_M = 3.0
-"""… if they are larger than this: positions of the drone are not better."""
+"""… if they are larger than this [m]; positions of the drone are not better."""
 _SHARPER = 8
-"""Power of the belief whose mean is the likeliest place: of a normal one the same."""
+"""Power of the belief whose mean is the likeliest place; a normal one has the same mean."""
 _ALONE = 0.9
-"""A part with so much is where the tag is; else the place is the middle of all."""
+"""Probability of a part that makes its middle the place; else it is the middle of all."""
 _WITHIN = 7
-"""Points along each side of a cell over which its probability lies."""
+"""Points along each side of a cell over which its probability is spread."""
 _KEPT = 0.998
 _ROWS = 200
-"""Cells that are compared with all others at once."""
+"""Number of cells compared with all others at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +42,7 @@ class Part:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Holds 95 % of this part's probability."""
+    """Radius that holds 95 % of this part's probability [m]."""
     probability: float
 
 
@@ -57,21 +56,21 @@ class Cells:
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    """Of a cell's farther border to its nearer one."""
+    """Ratio of a cell's outer radius to its inner one."""
     probability: _Floats
     by_fall: _Floats
-    """(falls with distance, cells) the same if one of them were known."""
+    """Probability for each fall with distance, (falls, cells)."""
 
     @property
     def area(self) -> _Floats:
-        """(cells,) ground, relative."""
+        """Relative area, (cells,)."""
         return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
-        """Which cells hold a share of the probability, whatever the fall with distance is.
+        """Cells that hold a share of the probability, whichever fall with distance is true.
 
-        For each fall they are the smallest such region. After a pass the falls cannot be told
-        apart, and a region of all together leaves out what the less believed ones say.
+        For each fall they are the smallest such region. After one pass the falls cannot be
+        distinguished, and a joint region would ignore the less probable ones.
         """
         area = self.area
         inside = np.zeros(len(area), bool)
@@ -84,9 +83,9 @@ class Cells:
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
         """Whether a place is in that region."""
         bearing = np.degrees(np.arctan2(east_m, north_m))
-        beside = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
+        turn_deg = np.abs(wrap_degrees_180(self.bearing_deg - bearing))
         apart = np.abs(np.log(np.hypot(east_m, north_m) / self.range_m))
-        here = (beside <= 0.5 * self.width_deg) & (apart <= 0.5 * np.log(self.ratio))
+        here = (turn_deg <= 0.5 * self.width_deg) & (apart <= 0.5 * np.log(self.ratio))
         return bool((here & self.region(share)).any())
 
     def outlines(self, share: float) -> list[list[tuple[float, float]]]:
@@ -115,14 +114,14 @@ class Cells:
         return sorted(found, key=lambda one: -one.probability)
 
     def _connected(self, inside: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-        """Some cells by parts that hang together."""
+        """Group connected cells."""
         bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
         away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
         pairs = []
         for low in range(0, len(inside), _ROWS):  # all pairs at once would fill the memory
             some = np.s_[low : low + _ROWS, np.newaxis]
-            beside = np.abs(wrap_degrees_180(bearing[some] - bearing))
-            touching = beside <= 1.01 * (half[some] + half)
+            turn_deg = np.abs(wrap_degrees_180(bearing[some] - bearing))
+            touching = turn_deg <= 1.01 * (half[some] + half)
             touching &= np.abs(away[some] - away) <= 1.01 * (deep[some] + deep)
             row, column = np.nonzero(touching)
             pairs.append((row + low, column))
@@ -145,9 +144,9 @@ class Cells:
     def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
         """The likeliest place in some cells, from the middle of the flight.
 
-        It is the mean where the probability is densest. That of all lies farther away than
-        the tag: a distance is told the worse the greater it is, and more so beside a straight
-        way, where each fall with distance has its own.
+        It is the mean where the probability is densest. The mean of all lies farther away than
+        the tag, because large distances are less certain, above all next to a straight path,
+        where each fall with distance has its own.
         """
         area = self.area[cells]
         density = self.probability[cells] / area
@@ -157,7 +156,7 @@ class Cells:
         return float(weight @ east), float(weight @ north)
 
     def middle_m(self) -> tuple[float, float]:
-        """Where a tag is that is in one part of the ground; else the middle of all cells."""
+        """Place of a tag in a single part of the ground; else the middle of all cells."""
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
             if self.probability[part].sum() >= _ALONE:
@@ -174,11 +173,11 @@ class Cells:
     ) -> list[float]:
         """Radii of circles around a place that hold shares of the probability.
 
-        Each cell's lies evenly over its ground, as in `region`: between its middles alone a
-        single cell would have none.
+        Each cell's is spread evenly over its ground, as in `region`: a single cell would have
+        no radius otherwise.
 
-        `east_m`, `north_m`: from the middle of the flight.
-        `cells`: the share is of these; by default of all.
+        `east_m`, `north_m`: from the middle of the flight. `cells`: the share is of these; by
+        default of all.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(_WITHIN) + 0.5) / _WITHIN
@@ -209,13 +208,13 @@ class Cells:
 
 
 def _runs(bearings_deg: _Floats, step_deg: float) -> list[tuple[float, float]]:
-    """First and last of bearings that follow each other."""
+    """First and last of consecutive bearings."""
     cuts = np.flatnonzero(np.diff(bearings_deg) > 1.5 * step_deg) + 1
     return [(float(one[0]), float(one[-1])) for one in np.split(bearings_deg, cuts)]
 
 
 def _area(range_m: _Floats, width_deg: _Floats, ratio: _Floats) -> _Floats:
-    """Ground of cells, relative: their depth is by a ratio of distances."""
+    """Relative area of cells, whose depth is a ratio of distances."""
     return np.asarray(range_m**2 * width_deg * np.sinh(np.log(ratio)))
 
 
@@ -229,7 +228,7 @@ class LikelyGround:
     width_deg: _Floats
     ratio: _Floats
     uneven: _Floats
-    """By how much log likelihoods differ among the parts of which a cell is one."""
+    """Difference of log likelihoods among the parts of each cell's parent."""
     logs: _Floats
     """(falls, cells) over all levels."""
     level_db: _Floats
@@ -247,9 +246,9 @@ class LikelyGround:
         return np.asarray(held / held.sum())
 
     def to_part(self) -> NDArray[np.intp]:
-        """Which cells are looked at in parts: those that hold nearly all, and the likeliest.
+        """Cells to divide: those that hold nearly all, and the likeliest.
 
-        Of these the ones in which the likelihood varies, and that are wide enough.
+        Only where the likelihood varies, and the cells are wide enough.
         """
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
@@ -260,7 +259,7 @@ class LikelyGround:
         return np.asarray(which[(size_m[which] > _FINEST_M) & (self.uneven[which] > _EVEN)])
 
     def parts(self, which: NDArray[np.intp]) -> "LikelyGround":
-        """Some cells in parts, which hold nothing yet."""
+        """Divide some cells; the parts have no likelihoods yet."""
         steps = (np.arange(_FINE) - 0.5 * (_FINE - 1)) / _FINE
         around, apart = (one.ravel() for one in np.meshgrid(steps, steps))
         width, ratio = self.width_deg[which, np.newaxis], self.ratio[which, np.newaxis]
@@ -277,7 +276,7 @@ class LikelyGround:
         )
 
     def with_parts(self, which: NDArray[np.intp], parts: "LikelyGround") -> "LikelyGround":
-        """Parts in place of their cells."""
+        """Replace cells by their parts."""
         rest = np.setdiff1d(np.arange(len(self.range_m)), which)
         best = parts.logs.max(axis=0).reshape(len(which), _FINE * _FINE)
         uneven = np.repeat(np.ptp(best, axis=1), _FINE * _FINE)

@@ -1,9 +1,9 @@
 """Trains whose interval changes steadily over a flight.
 
 With an interval ``T (1 + d (t/D - 1/2))`` over a flight of length D, pulses are T apart on the
-time ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For each of a few d the slots are put in
-the order of u and folded as ever, in slots of double length and with few patterns; the
-likeliest cells are then looked at in full.
+time ``u = D/d ln((1 + d (t/D - 1/2)) / (1 - d/2))``. For each of a few d the slots are ordered
+by u and folded, in slots of double length and with few patterns; the likeliest cells are then
+examined in full.
 """
 
 from dataclasses import replace
@@ -28,20 +28,21 @@ from uavrt.messages import Tag
 
 _Floats = NDArray[np.float64]
 _SAG_SLOTS = 6.0
-"""By so much the middle of the flight moves between two values of d [slots]: half as far away,
-a train seen again at a better interval and phase is a quarter of it off, less than a double
-slot. Against 4, 0.05 dB."""
+"""Shift of the flight's middle between two values of d [slots]. Half as far away, a train found
+at a better interval and phase is a quarter of it off, less than a double slot. Against 4, 0.05
+dB are gained."""
 _INDEPENDENT_SAG_SLOTS = 5.0
-"""Between two values of d that count as independent. Trains differ from 2 on, of which the
-coarse fold finds some: with 2, 400 flights of noise showed .44 of the nominal 1 %, so .93."""
+"""Shift between two values of d that count as independent [slots]. Trains differ from 2 on, of
+which the coarse fold finds some: with 2, 400 flights of noise showed .44 of the nominal 1 %, so
+.93."""
 _PATTERNS = 3
 _ALIKE = 0.9
 _REFINED = 120
-"""Cells looked at in full."""
+"""Number of cells examined in full."""
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
-    """Times of a train's pulses, from the first slot's beginning; perhaps one too many."""
+    """Times of a train's pulses from the first slot's beginning [s]; perhaps one too many."""
     count = max(0, int((span_s * (1.0 + abs(drift)) - phase_s) / interval_s) + 2)
     return real_time_s(
         phase_s + np.arange(count).astype(np.float64) * interval_s, drift, span_s
@@ -57,7 +58,7 @@ def real_time_s(even_s: _Floats, drift: float, span_s: float) -> _Floats:
 
 
 def even_time_s(time_s: _Floats, drift: float, span_s: float) -> _Floats:
-    """What a clock that drifts with the tag shows at a time."""
+    """Time that a clock that drifts with the tag shows."""
     if not drift:
         return time_s
     grown = np.log1p(time_s * drift / (span_s * (1.0 - 0.5 * drift)))
@@ -150,7 +151,7 @@ def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
 def _refined(
     energies: SlotEnergies, weights: Weights, start: FoldedTrain, row: int
 ) -> FoldedTrain:
-    """The likeliest train beside a coarse cell, in whole cells of the full search."""
+    """The likeliest train near a coarse cell, in whole cells of the full search."""
     slot_s, slots = energies.slot_s, len(energies.heard)
     span_s = slots * slot_s
     count = max(2, int(span_s / start.interval_s))

@@ -1,10 +1,10 @@
 """A channel's samples as energies on a grid of slots and frequencies.
 
-A slot is a quarter or a half of a pulse; its energy is the largest matched-filter power of the
-windows that begin in it or within the tag's jitter beside it, standardised: mean 0 and variance
-1 in noise, 0 where nothing was heard. What is loud enough to be seen alone is left out of the
-energies with its surroundings, so that no single event makes a train; where it looks like a
-pulse, and not like an impulse, its slot is marked, and trains of marks are looked for as well.
+A slot is a quarter or a half of a pulse. Its energy is the largest matched-filter power of the
+windows that begin in it or within the tag's jitter of it, standardised: mean 0 and variance 1
+in noise, 0 without samples. Signals loud enough to be seen alone are left out with their
+surroundings, so that no single event makes a train; those that look like a pulse, and not like
+an impulse, are marked, and trains of marks are searched as well.
 """
 
 import math
@@ -21,38 +21,38 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _LEVEL_S = 6.0
-"""Over so long the noise of a row is one."""
+"""Time over which a row's noise is constant [s]."""
 _LEVEL_ROWS = 5
 _SEEN_ALONE = 20.0
 """Power over noise that chance reaches once in 5e8 windows."""
 _MOST_GAP_S = 7200.0
 _MOST_OVERLAP_S = 0.1
-"""Of a block with those before it: a crystal that is 100 ppm fast gathers that in 17 minutes. A
-clock that was set back by more is not followed."""
+"""Largest overlap of a block with earlier ones that is followed [s]. A crystal that is 100 ppm
+fast gathers it in 17 minutes; a clock set back by more is not followed."""
 _LEAST_STEP_S = 0.0015
-"""Times are not known more finely: each step that is followed costs a window."""
+"""Smallest time step that is followed [s]; each costs a window."""
 _DEAD_S = 0.1
-"""No noise is exactly 0 for so long: the radio was dead, or a gap was filled with zeros."""
+"""Duration of exact zeros that is no noise [s]: a dead radio or a filled gap."""
 _CHUNK_S = 6.0
 _HOPS_BESIDE = 16
-"""A window two pulses away holds nothing of a loud one's flanks."""
+"""Distance [hops] from which a window has nothing of a loud one: two pulses."""
 _WIDE_SIGMAS = 8.0
-"""Energy of a window over the whole channel from which something loud is beside the search."""
+"""Energy of a window over the whole channel that shows something loud outside the search."""
 _SLOTS_BESIDE = 4
-"""A pulse and its jitter reach so far on each side of its slot."""
+"""Extent of a pulse and its jitter on each side of its slot [slots]."""
 _CREST = 3.0
-"""Largest sample of a window over the power of its row, in noise: that of a pulse of N samples
-is 1/N of it and noise, that of an impulse N times it."""
+"""Largest sample of a window over its row's power [noise] that is still no impulse. A pulse of
+N samples has 1/N of its power there, an impulse N times it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotEnergies:
-    """What was heard in each slot at each frequency."""
+    """Energies of each slot at each frequency."""
 
     energy: NDArray[np.float32]
-    """(frequencies, slots): mean 0, variance 1 in noise; 0 where nothing was heard."""
+    """(frequencies, slots): mean 0, variance 1 in noise; 0 without samples."""
     heard: NDArray[np.bool_]
-    """(slots,) whether there is an energy."""
+    """Whether each slot has an energy, (slots,)."""
     offsets_hz: NDArray[np.float64]
     """(frequencies,) relative to the tag's nominal frequency."""
     start_ns: int
@@ -62,17 +62,17 @@ class SlotEnergies:
     """(frequencies,) of the energies in units of the noise, before they were standardised."""
     sigma: NDArray[np.float64]
     left_out: int
-    """Columns that were too loud."""
+    """Number of columns that were too loud."""
     level: NDArray[np.float32]
     """(frequencies, slots) largest power over noise, loud ones as well; 0 without samples."""
     loud: NDArray[np.bool_]
-    """(frequencies, slots) whether there was a pulse loud enough to be seen alone."""
+    """Whether there was a pulse loud enough to be seen alone, (frequencies, slots)."""
     listened: NDArray[np.bool_]
-    """(slots,) whether there were samples."""
+    """Whether there were samples, (slots,)."""
     pulses: int = 1
-    """In a burst: of a coded tag an energy is the mean over those of the burst."""
+    """Pulses in a burst: a coded tag's energy is the mean over them."""
     single: SinglePulses | None = None
-    """Of a coded tag."""
+    """Single pulses of a coded tag."""
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -100,7 +100,7 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether something was heard in each slot, and at none of some times nor beside them.
+        """Whether each slot has an energy, and is away from some times.
 
         `time_s` (n,): from `start_ns`.
         """
@@ -109,20 +109,20 @@ class SlotEnergies:
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
         gone = np.zeros(len(self.heard), bool)
         at = np.floor(time_s / self.slot_s).astype(np.intp)
-        for beside in range(-_SLOTS_BESIDE, _SLOTS_BESIDE + 1):
-            inside = at + beside
+        for shift in range(-_SLOTS_BESIDE, _SLOTS_BESIDE + 1):
+            inside = at + shift
             gone[inside[(inside >= 0) & (inside < len(gone))]] = True
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """The same as if nothing had been heard at some times, nor just beside them.
+        """A copy without energies around some times.
 
         `time_s` (n,): from `start_ns`.
         """
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
-        """The same as if only some slots (slots,) had been listened to."""
+        """A copy with the energies of some slots (slots,) only."""
         return replace(
             self,
             energy=np.where(kept, self.energy, np.float32(0.0)),
@@ -134,11 +134,10 @@ class SlotEnergies:
 
 
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
-    """Put energies of neighbouring slots together, and standardise them as a whole.
+    """Join energies of consecutive slots, and standardise them as a whole.
 
-    `parts`: of one tag, each beginning where the one before ends. Columns left out beside the
-    slots that were kept of a part are counted with it.
-    Raises `ValueError`: there is none.
+    `parts`: of one tag, each beginning where the one before ends. Columns left out around a
+    part's slots are counted with it. Raises `ValueError` without parts.
     """
     first = parts[0] if parts else None
     if first is None:
@@ -165,7 +164,7 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
 def _joined_singles(
     parts: Sequence[SlotEnergies], first: int = 0, end: int | None = None
 ) -> SinglePulses | None:
-    """Single pulses of neighbouring slots, as a whole or some of them."""
+    """Join the single pulses of consecutive slots, all or some of them."""
     known = [one.single for one in parts if one.single is not None]
     if not known:
         return None
@@ -182,7 +181,7 @@ class SlotLayout:
     grid: Grid
     columns_per_slot: int
     reach: int
-    """Columns on each side of a slot's middle that are looked at."""
+    """Columns on each side of a slot's middle that are searched."""
     beyond: int = 0
     """Columns from the first to the last pulse of a burst."""
 
@@ -224,14 +223,13 @@ def slot_layout(
 def gather(
     blocks: Iterable[tuple[NDArray[np.complex64], int]], sample_rate_hz: float
 ) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
-    """Put a channel's blocks at their times; zeros stand where samples are missing.
+    """Put a channel's blocks at their times, with zeros where samples are missing.
 
-    A crystal that is fast gives more samples than there is time for: what overlaps is left out.
-    A clock that was set back, or by hours, is treated as if it had not been set.
+    Overlaps, as from a fast crystal, are left out. A clock that was set back, or by hours, is
+    treated as if it had not been set.
 
-    `blocks`: samples, and the time of the first [ns, UTC], in order.
-    Returns (samples, there, start_ns): shape (n,); False where samples are missing; time of
-    the first, 0 of no blocks.
+    `blocks`: samples, and the time of the first [ns, UTC], in order. Returns (samples, there,
+    start_ns): shape (n,); False where samples are missing; time of the first, 0 without blocks.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
@@ -275,10 +273,10 @@ def slot_energies(
 ) -> SlotEnergies:
     """Measure the energy of each slot.
 
-    `samples`, `there`, `start_ns`: from `gather`.
-    `tag`: its pulse width sets the window, its jitter how far beside a slot is looked.
-    `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
-    `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick look.
+    `samples`, `there`, `start_ns`: from `gather`. `tag`: its pulse width sets the window, its
+    jitter the margin around a slot. `frequency_window_hz`: half-width of the search around the
+    tag's nominal frequency. `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick
+    search.
     """
     layout = slot_layout(
         tag,
@@ -351,7 +349,7 @@ def slot_energies(
 
 
 def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
-    """Samples in runs of at least so many that are exactly 0."""
+    """Samples in runs of at least `length` that are exactly 0."""
     dead = np.zeros(len(samples), bool)
     for first, end in zero_runs(samples, least):
         dead[first:end] = True
@@ -376,9 +374,9 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Of each column its largest sample over noise, and whether the whole channel is loud.
+    """Largest sample over noise of each column, and whether the whole channel is loud.
 
-    Stretch by stretch: sums over a whole flight fill new pages, which cost more than they do.
+    Done in stretches: sums over a whole flight fill new pages, which cost more than they do.
     """
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(_LEVEL_S * sample_rate_hz / hop))
@@ -397,8 +395,8 @@ def _channel_columns(
         there = some[some > 0.0]
         peaks = np.maximum.reduceat(power, first)
         largest = peaks.copy()
-        for beside in range(1, min(beyond, len(peaks))):
-            largest[:-beside] = np.maximum(largest[:-beside], peaks[beside:])
+        for later in range(1, min(beyond, len(peaks))):
+            largest[:-later] = np.maximum(largest[:-later], peaks[later:])
         crest[low:high] = largest[: high - low]
         if not len(there):
             continue
@@ -450,7 +448,7 @@ def _standardise(
 
 
 def _stretches(count: int, length: int) -> list[slice]:
-    """Parts of about one length; what would be less than half of one goes to the last."""
+    """Parts of about one length; a remainder below half of one goes to the last."""
     first = range(0, max(count - length // 2, 1), length)
     return [slice(low, min(low + length, count)) for low in first[:-1]] + [
         slice(first[-1], count)
@@ -468,10 +466,10 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Mean 0 in each stretch of a row, and variance 1 in each row; 0 where nothing was heard.
+    """Set mean 0 in each stretch of a row, and variance 1 in each row; 0 without samples.
 
-    A level that was taken a little wrong for a stretch would lift all its slots, and with them
-    the sums of each place whose pulses were strong in it.
+    A wrong level for a stretch would lift all its slots, and the sums of each place whose
+    pulses were strong in it.
     """
     result = np.zeros_like(energy)
     rows = len(energy)

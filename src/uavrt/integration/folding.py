@@ -56,7 +56,7 @@ def _fold_numpy(
         blocks //= 2
         then = other.reshape(blocks, 2 * size, period, many)
         early, late = now[0::2], now[1::2]
-        # Of the intervals that are wanted, those that this level tells apart.
+        # The wanted intervals that this level distinguishes.
         for drift in range(first // blocks, (end - 1) // blocks + 1):
             shift = ((drift + 1) // 2) % period
             out, one, two = then[:, drift], early[:, drift // 2], late[:, drift // 2]

@@ -1,7 +1,7 @@
-"""Slot energies of a flight that goes on: each half minute's are measured once, then kept.
+"""Slot energies of a flight in progress: each half minute is measured once, then kept.
 
-They are as good as those of a whole recording: a block is measured with its neighbours on both
-sides, and brought to mean 0 and variance 1 together with all others.
+They equal those of a whole recording: a block is measured with its neighbours on both sides,
+and standardised together with all others.
 """
 
 import math
@@ -14,15 +14,14 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BLOCK_S = 30.0
-"""How much is measured at once: five stretches of one noise level."""
+"""Length measured at once: five stretches of one noise level [s]."""
 
 
 class GrowingEnergies:
-    """Takes a channel's samples as they come; gives the energies of all that came.
+    """Takes a channel's samples as they come; gives all energies so far.
 
-    `start_ns`: time of the first sample [UTC].
-    `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
-    `slots_per_pulse`: 1 is a quarter of the folding of 2.
+    `start_ns`: time of the first sample [UTC]. `frequency_window_hz`: half-width of the search
+    around the tag's nominal frequency. `slots_per_pulse`: 1 is a quarter of the folding of 2.
     """
 
     def __init__(
@@ -48,35 +47,35 @@ class GrowingEnergies:
         self._slot = layout.samples_per_slot
         slot_s = self._slot / sample_rate_hz
         self._block = max(1, round(BLOCK_S / slot_s))
-        self._beside = layout.slots_beside
+        self._margin = layout.slots_beside
         self._parts: list[SlotEnergies] = []
 
     @property
     def needed_from_ns(self) -> int:
-        """Time from which samples are needed for the next block; those before are not."""
-        first = max(0, len(self._parts) * self._block - self._beside) * self._slot
+        """Time from which samples are needed for the next block."""
+        first = max(0, len(self._parts) * self._block - self._margin) * self._slot
         return self._start_ns + math.floor(first / self._rate_hz * NANOSECONDS_PER_SECOND)
 
     @property
     def length_s(self) -> float:
-        """How much has been measured."""
+        """Length measured so far [s]."""
         return len(self._parts) * self._block * self._slot / self._rate_hz
 
     def take(
         self, samples: NDArray[np.complex64], there: NDArray[np.bool_], start_ns: int
     ) -> int:
-        """Measure the blocks that are whole now; get how many.
+        """Measure the blocks that are complete now; return their number.
 
         `samples`, `there`, `start_ns`: from `gather`, beginning at or before `needed_from_ns`;
-        what is missing before the first of them counts as not heard.
+        samples missing before the first count as gaps.
         """
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)
         before = len(self._parts)
         while True:
             number = len(self._parts)
-            low = (number * self._block - self._beside) * self._slot - offset
-            high = ((number + 1) * self._block + self._beside) * self._slot - offset
+            low = (number * self._block - self._margin) * self._slot - offset
+            high = ((number + 1) * self._block + self._margin) * self._slot - offset
             if high > len(samples):
                 return number - before
             block = np.zeros(high - low, np.complex64)
@@ -101,11 +100,8 @@ class GrowingEnergies:
             frequency_window_hz=self._window_hz,
             slots_per_pulse=self._slots_per_pulse,
         )
-        return energies.between(self._beside, self._beside + self._block)
+        return energies.between(self._margin, self._margin + self._block)
 
     def energies(self) -> SlotEnergies:
-        """Get those of all blocks.
-
-        Raises `ValueError`: there is none yet.
-        """
+        """Energies of all blocks; raises `ValueError` without any."""
         return joined(self._parts)

@@ -1,4 +1,4 @@
-"""The slots of a folded train's pulses, and how much likelier a pulse makes their energies.
+"""The slots of a folded train's pulses, and the likelihood ratio of their energies.
 
 A slot's energy in noise is the largest of m unit exponentials (m from their mean, as jitter and
 slot make it); with a pulse of energy S two of them, the windows that hold most of it, are
@@ -19,28 +19,28 @@ from uavrt.integration.whole_flight import FoldedTrain
 
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
-"""Of pulses in noise, up to 27 dB. A stronger pulse is compared as if it and the strength were
-both weaker by the same decibels: noise moves it by less than 0.3 dB."""
+"""Amplitudes of pulses in noise, up to 27 dB. A stronger pulse and its expected strength are
+both reduced by the same decibels: noise moves it by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
 STEP_DB = 0.1
-"""Between two strengths that are looked up: at half a decibel the pulses of a lane are rounded
-alike, and places 20 m apart differ for that alone."""
+"""Step between two strengths in the table [dB]. At 0.5 dB the pulses of a lane are rounded
+alike, which alone makes places 20 m apart differ."""
 FADING_DB = 1.0
-"""Of single pulses, unless a loud tag shows more: a collar's tilt, a body, reflections."""
+"""Fading of single pulses, from collar tilt, bodies and reflections [dB]."""
 _LEAST_LOG = -30.0
 _LOUD_AS = 6.0
-"""A loud pulse of energy E counts as this times ln E: 18 at the limit, 41 at 30 dB."""
+"""Factor of ln E as which a loud pulse of energy E counts: 18 at the limit, 41 at 30 dB."""
 _WINDOWS = (0.8, 0.6)
-"""Parts of a pulse's energy in the windows that it lies in most: its start and frequency are
-between those looked at. With all of it in one window pulses near the noise came out too strong,
-so that a tag that was passed seemed farther away than it was."""
+"""Parts of a pulse's energy in its two best windows, since start and frequency are in between.
+With all of it in one window, pulses near the noise came out too strong, so that a passed tag
+seemed farther away than it was."""
 _LEAST_QUIET = 200
-"""Slots without pulses from which the noise is taken."""
+"""Least number of slots without pulses from which the noise is estimated."""
 _OUTLIER = 0.02
-"""Share of the pulses that tell nothing: blocked, covered, a moved head. As many are there, but
-much weaker or stronger than they should be …"""
+"""Share of pulses without information: blocked, covered, a moved head. As many are there, but
+much weaker or stronger than expected …"""
 _ODD_FADING_DB = 6.0
-"""… by so much: half hidden by a body, two at once."""
+"""… by this standard deviation [dB]: half hidden by a body, two at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,13 +48,13 @@ class TrainPulses:
     """The slots in which a train's pulses lie."""
 
     time_s: _Floats
-    """(n,) from the first slot's beginning."""
+    """Times (n,) from the first slot's beginning [s]."""
     energy: _Floats
     """(n,) in units of the noise."""
     interval_s: float
     offset_hz: float
     pulses: int = 1
-    """In a burst, of which each energy is the mean."""
+    """Pulses in a burst, of which each energy is the mean."""
 
 
 def train_pulses(
@@ -62,19 +62,18 @@ def train_pulses(
 ) -> TrainPulses:
     """Refine a train between the cells of the search, and take its slots' energies.
 
-    `gain` (times,): of its place.
-    `gain_time_s`: shape (times,).
+    `gain` (times,): of its place. `gain_time_s`: shape (times,).
     """
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1
     weight = np.ones(slots)
-    if not train.loud:  # its marks tell of no place
+    if not train.loud:  # its marks do not depend on place
         weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
     step_s = slot_s / max(count - 1, 1)
     row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
     rows = range(max(0, row - 1), min(len(energies.energy), row + 2))
-    told = {near: told_energies(energies, near) for near in rows}
+    row_energies = {near: limited_energies(energies, near) for near in rows}
     best, kept = -np.inf, (row, train.phase_s, train.interval_s)
     for interval_s in train.interval_s + step_s * np.linspace(-1.5, 1.5, 13):
         for phase_s in train.phase_s + slot_s * np.linspace(-1.5, 1.5, 13):
@@ -82,7 +81,7 @@ def train_pulses(
             at = np.floor(time_s / slot_s).astype(np.intp)
             at = at[(at >= 0) & (at < slots)]
             for near in rows:
-                score = float(weight[at] @ told[near][at])
+                score = float(weight[at] @ row_energies[near][at])
                 if score > best:
                     best, kept = score, (near, float(phase_s), float(interval_s))
     row, phase_s, interval_s = kept
@@ -99,8 +98,8 @@ def train_pulses(
     )
 
 
-def told_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
-    """Energies of a frequency, with loud pulses as what is just not loud."""
+def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
+    """Energies of a frequency, with loud pulses limited to just below loud."""
     energy = energies.energy[row].copy()
     loud = energies.loud[row] & ~energies.heard
     energy[loud] = (np.log(energies.level[row, loud]) * _LOUD_AS - energies.mean[row]) / (
@@ -111,17 +110,17 @@ def told_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeardTrain:
-    """A train in one flight, and the places that this flight looked at."""
+    """A train in one flight, and the places examined."""
 
     pulses: TrainPulses
     mean_noise_energy: float
-    """Mean energy of a slot in noise, from which the number of exponentials follows."""
+    """Mean energy of a slot in noise, which gives the number of exponentials."""
     places: Places
     log_trains: float | None = None
-    """Logarithm of how many trains it is the likeliest of; None takes it as the tag's. Where it
-    is weak the tag's may be another, and this flight then tells nothing."""
+    """Log of the number of trains it is the best of; None takes it as the tag's. A weak one may
+    be another train, and this flight then has no information."""
     rates: int = 1
-    """That the tag has: with several, it may have been at another one in some slots."""
+    """Number of the tag's rates: it may have used another one in some slots."""
 
     @classmethod
     def among(
@@ -163,9 +162,9 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
 
 
 def looked_up(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
-    """Columns of `likelihood_table` for some energies, and by how much they are beyond it [dB].
+    """Columns of `likelihood_table` for some energies, and their excess over it [dB].
 
-    A strength is looked up so much weaker.
+    The strength must be reduced by the excess.
     """
     amplitude = np.sqrt(np.maximum(energy, 0.0))
     beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
@@ -183,9 +182,8 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
 def likelihood_table(one: HeardTrain, fading_db: float = FADING_DB) -> _Floats:
     """Log likelihood ratios of the energies of a train's pulses, or bursts.
 
-    `fading_db`: standard deviation of single pulses, by what pattern, poses and ground do
-    beyond the model.
-    Returns: shape (strengths `STEP_DB` apart, amplitudes).
+    `fading_db`: standard deviation of single pulses, from pattern, poses and ground beyond the
+    model. Returns: shape (strengths `STEP_DB` apart, amplitudes).
     """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
@@ -195,7 +193,7 @@ def likelihood_table(one: HeardTrain, fading_db: float = FADING_DB) -> _Floats:
 
 
 def _exponentials(mean: float) -> float:
-    """How many unit exponentials have a largest of such a mean: H(m) = mean."""
+    """Number of unit exponentials whose largest has this mean: H(m) = mean."""
     many = np.linspace(1.0, 12.0, 1101)
     means = special.digamma(many + 1.0) + np.euler_gamma
     return float(many[int(np.argmin(np.abs(means - mean)))])
@@ -204,9 +202,9 @@ def _exponentials(mean: float) -> float:
 def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
     """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
 
-    Of bursts the mean of their pulses stands in place of E, and of the largest of m one may be
-    a burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. What fades or hides a burst does so
-    to all of its pulses.
+    For bursts, the mean of their pulses replaces E, and of the largest of m one may be a
+    burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. Fading affects all pulses of a burst
+    alike.
     """
     energy = np.maximum(AMPLITUDES, 0.1) ** 2
     if pulses == 1:
@@ -246,6 +244,6 @@ def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
     """Density over that of noise, and law, of a window with a part of a pulse's energy."""
     strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
     x = 2.0 * np.sqrt(energy * strength)
-    # Bounded: what is so far above noise is beyond doubt.
+    # Bounded: energies this far above noise are certain.
     density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
     return density, np.asarray(stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength))

@@ -1,9 +1,9 @@
-"""Whether a train is the listed tag's, or the shadow of another train on its frequency.
+"""Decides whether a train is the listed tag's, or an alias of another train.
 
-Pulses every T are also pulses every T p/q, of which some are missing or between which others
-lie: a second tag can so pass for the listed one. A train is therefore looked for at all
-intervals from a third of T to three times T that the list does not allow. Where one explains
-the same frequency better, its slots are taken out, and the flight is judged again.
+Pulses every T are also pulses every T p/q, with some missing or others in between: another tag
+can so pass for the listed one. A train is therefore searched at all intervals from a third of T
+to three times T that the list does not allow. If one explains the same frequency better, its
+slots are removed, and the flight is judged again.
 """
 
 import math
@@ -28,14 +28,14 @@ from uavrt.integration.whole_flight import (
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 
 _BETTER = 3.0
-"""Logarithm of how much less likely by chance another train must be to explain one."""
+"""Log of the factor by which another train must be less likely by chance to explain one."""
 _SHORTEST, _LONGEST = 0.3, 3.2
 """Of the interval found."""
 _SMALL = 3
 _SAME = 0.01
 _MOST_OTHERS = 4
 _MOST_CODES = 12
-"""Senders of other codes that are taken out before a tag counts as not found."""
+"""Most senders of other codes that are removed before a tag counts as not found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,19 +48,19 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Its interval over the one that passed for the tag's, where both numbers are small: the
-    two cannot be told apart by their times alone."""
+    """Its interval over the one that passed for the tag's, as two small numbers. Their times
+    alone cannot distinguish the two."""
     other_code: bool = False
     """Whether its bursts lack pulses of the tag's code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judgement:
-    """The likeliest train of a tag, when other trains are out of the way."""
+    """The likeliest train of a tag, after other trains were removed."""
 
     train: FoldedTrain
     energies: SlotEnergies
-    """Without the others' slots."""
+    """Energies without the others' slots."""
     others: tuple[OtherTrain, ...]
 
     @property
@@ -80,10 +80,9 @@ def judge(
 ) -> Judgement:
     """Search a tag, and again without each train that explains what was found better.
 
-    `gain` (places, times): of the places looked at, relative to each one's strongest.
-    `gain_time_s`: shape (times,).
-    `false_alarm_probability`: for a flight and tag.
-    `most_drift`: largest relative change of the interval over the flight.
+    `gain` (places, times): of the places, relative to each one's strongest. `gain_time_s`:
+    shape (times,). `false_alarm_probability`: for a flight and tag. `most_drift`: largest
+    relative change of the interval over the flight.
     """
     others: list[OtherTrain] = []
     while True:
@@ -112,7 +111,7 @@ def judge(
 
 
 def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sender:
-    """Whose a train of bursts is."""
+    """Sender of a train of bursts."""
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
     at = np.clip(np.floor(time_s / energies.slot_s).astype(np.intp), 0, len(energies.heard) - 1)
@@ -126,14 +125,14 @@ def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sen
 
 
 def _without_code(energies: SlotEnergies, train: FoldedTrain, sender: Sender) -> SlotEnergies:
-    """Leave out all bursts that have a pulse of a sender of another code."""
+    """Remove all bursts that have a pulse of a sender of another code."""
     assert energies.single is not None
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
-    beside_s = hidden_with_s(sender.pulses_s, energies.single.starts_s)
-    if not len(beside_s):
-        beside_s = np.zeros(1)
-    return energies.without(np.add.outer(time_s, beside_s).ravel())
+    hidden_s = hidden_with_s(sender.pulses_s, energies.single.starts_s)
+    if not len(hidden_s):
+        hidden_s = np.zeros(1)
+    return energies.without(np.add.outer(time_s, hidden_s).ravel())
 
 
 def _other_code(train: FoldedTrain) -> OtherTrain:
@@ -151,7 +150,7 @@ def _other_code(train: FoldedTrain) -> OtherTrain:
 def better_elsewhere(
     energies: SlotEnergies, weights: Weights, train: FoldedTrain, tag: Tag
 ) -> OtherTrain | None:
-    """Find a train at an interval that is not the tag's, and explains a found one better."""
+    """Find a train at another interval than the tag's that explains a found one better."""
     middle = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
     rows = np.arange(max(0, middle - 1), min(len(energies.energy), middle + 2))
     if train.loud:

@@ -1,4 +1,4 @@
-"""Where a tag might be, and how strong its pulses would then be at each moment of a flight."""
+"""Places where a tag might be, and the strength of its pulses there over a flight."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,17 +17,16 @@ from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 EXPONENT = 2.5
-"""Of the fall with distance; the mean of
-`uavrt.localization.position.level_evidence.Propagation`."""
+"""Exponent of the fall with distance; the mean of `level_evidence.Propagation`."""
 _BEARINGS = 72
 BEARING_STEP_DEG = 360.0 / _BEARINGS
 _NEAREST_M, _FARTHEST_M = 40.0, 5000.0
 _RANGES = 14
 RANGE_STEP = (_FARTHEST_M / _NEAREST_M) ** (1.0 / (_RANGES - 1))
-"""Of one ring's radius to the next."""
+"""Ratio of one ring's radius to the last."""
 _STEP_S = 0.25
 ALIKE = 0.97
-"""Correlation of two places' weights from which one is folded for both: 0.13 dB at most."""
+"""Correlation of two places' weights above which one is folded for both: 0.13 dB at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +44,7 @@ class Places:
     gain: _Floats
     """(places, times), 1 at each place's strongest."""
     strongest_db: _Floats
-    """(places,) of that strongest, from any reference that all flights share."""
+    """Level of that strongest (places,) [dB], from any reference common to all flights."""
     track: "Track"
 
     @property
@@ -56,7 +55,7 @@ class Places:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Track:
-    """Where an antenna was, and how it pointed, at the times of `Places`."""
+    """Position and orientation of an antenna, at the times of `Places`."""
 
     pattern: AntennaPattern
     east_m: _Floats
@@ -90,16 +89,16 @@ class Track:
     def _towards_db(self, towards: _Floats) -> _Floats:
         """Gain in directions (times, 3): north, east, down, of length 1."""
         if self.pattern.name == MONOPOLE:
-            # It stands upright however the drone leans, and is deaf to what is below.
+            # It stays upright however the drone leans, and receives nothing from below.
             return monopole_gain_db(np.degrees(np.arcsin(np.clip(towards[:, 2], -1.0, 1.0))))
         forward, right, down = np.einsum("tij,tj->it", self.axes, towards)
         return self.pattern.gain_towards_db(forward, right, down)
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
-        """How far places were: (places, parts), 10 dB for each factor of ten.
+        """Path length to places, (places, parts), 10 dB for each factor of ten.
 
-        `east_m`, `north_m`: shape (places,).
-        `part` (parts,): indices among the times, whole or between two.
+        `east_m`, `north_m`: shape (places,). `part` (parts,): indices among the times, whole or
+        between two.
         """
         times = np.arange(len(self.east_m))
         east, north, height = (
@@ -118,13 +117,11 @@ def places_around(
     hills: HillLosses | None = None,
     plane: TangentPlane | None = None,
 ) -> Places:
-    """Lay places around where a drone was while it listened.
+    """Lay out places around a drone's path.
 
-    `poses`: of the antenna, at least two.
-    `start_ns`, `end_ns`: of the samples [UTC].
-    `hills`: the ground; None is level.
-    `plane`: around whose middle the places lie; by default that of the poses.
-    Raises `UsageError`: the poses are not of the time of the samples.
+    `poses`: of the antenna, at least two. `start_ns`, `end_ns`: of the samples [UTC]. `hills`:
+    the ground; None is level. `plane`: around whose middle the places lie; by default that of
+    the poses. Raises `UsageError` if the poses are not of the time of the samples.
     """
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
     if np.count_nonzero(inside) < 2:
@@ -158,7 +155,7 @@ def places_around(
     )
     gain = track.gain_db(place_east, place_north)
     strongest_db = gain.max(axis=1)
-    # In place: of a long flight these are many, and new pages cost more than the sums.
+    # In place: these are many for a long flight, and new pages cost more than the sums.
     gain -= strongest_db[:, np.newaxis]
     gain *= 0.1
     np.power(10.0, gain, out=gain)
@@ -191,10 +188,10 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 
 
 def distinct(weights: _Floats, alike_from: float = ALIKE) -> NDArray[np.intp]:
-    """Places whose weights stand for all others'.
+    """Places whose weights represent all others'.
 
-    `weights`: shape (places, times).
-    `alike_from`: correlation from which one stands for another.
+    `weights`: shape (places, times). `alike_from`: correlation from which one represents
+    another.
     """
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T

@@ -1,9 +1,9 @@
-"""A tag of several rates uses each for a part of a flight: when it was at one of them. Pure.
+"""A tag of several rates uses one at a time: when it was at each of them. Pure.
 
-The train of a rate has slots in all of a flight; where the tag was at another rate, these hold
-noise, and at times a pulse of that other rate. A chain of two states tells them apart (a hidden
-Markov model: Rabiner 1989, Proc. IEEE 77, 257): its likelihood over all paths is what a place
-says of the flight, and its likeliest path which slots were at the rate.
+A rate's train has slots in all of a flight; while the tag was at another rate, these hold
+noise, and at times a pulse of that rate. A hidden Markov model of two states separates them
+(Rabiner 1989, Proc. IEEE 77, 257): its likelihood over all paths weighs a place, and its
+likeliest path shows which slots were at the rate.
 """
 
 from collections.abc import Iterable
@@ -15,26 +15,23 @@ _Floats = NDArray[np.float64]
 _CHANGE = 1e-3
 """Probability of a change of state from one slot to the next."""
 _STRAY = 1e-2
-"""Share of the slots in which a pulse of another rate lies by chance: two slots in an interval
-are so much of it."""
+"""Share of the slots with a pulse of another rate by chance: two slots of an interval."""
 _LOGS_EACH = 8
-"""Slots whose product is a number: none is likelier in noise than by a factor of e^30."""
+"""Slots whose product does not overflow: none is likelier in noise by more than e^30."""
 
 
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
-    """By how much slots are likelier if a tag may have been at another rate in some of them.
+    """Log of the gain in likelihood if a tag may have used another rate in some slots.
 
     `inverses`: one over the likelihood ratio of a pulse in each slot, one array of hypotheses
-    after the other.
-    `shape`: of these arrays.
-    Returns: logarithm, in that shape, over all paths (the forward algorithm): to be added to
-    the logarithms of the slots' likelihood ratios.
+    after the other. `shape`: of these arrays. Returns the logarithm, in that shape, over all
+    paths (the forward algorithm), to be added to those of the slots' likelihood ratios.
     """
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
         on *= 1.0 - 2.0 * _CHANGE
         on += _CHANGE
-        # A slot's likelihood at the rate is 1, and so much at another one:
+        # A slot's likelihood at the rate is 1, and this at another one:
         both = _STRAY + (1.0 - _STRAY) * inverse
         both *= 1.0 - on
         both += on
@@ -47,7 +44,7 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
 
 
 def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
-    """In which slots a tag was at a rate: the likeliest path of the best level (Viterbi 1967).
+    """Slots in which a tag was at a rate: the likeliest path of the best level (Viterbi 1967).
 
     `logs` (levels, slots): logarithm of the likelihood ratio of a pulse in each slot.
     """

@@ -1,9 +1,9 @@
 """One tag over several flights: too weak in each, and found in all of them together.
 
 For each place, frequency and narrow stretch of intervals the likeliest phase of every flight is
-taken, and their weighted sums are added: a tag that rests has one place in all flights, and
-about one interval and frequency, but its pulses are not counted on from flight to flight. So
-the hypotheses of the phases multiply, those of place, frequency and stretch are counted once.
+taken, and their weighted sums are added: a resting tag has one place, and about one interval
+and frequency, in all flights, but its pulses cannot be counted from flight to flight. So the
+hypotheses of the phases multiply, those of place, frequency and stretch are counted once.
 """
 
 import math
@@ -33,26 +33,26 @@ from uavrt.messages import Tag
 
 _Floats = NDArray[np.float64]
 _STRETCH = 2e-4
-"""Of the interval: by so much it may differ between flights."""
+"""Relative difference of the interval between flights that is allowed."""
 _LEAST_CELLS = 2.0
-"""Of the shortest flight's fold in a stretch."""
+"""Least number of cells of the shortest flight's fold in a stretch."""
 _ROWS_BESIDE = 1
 """Frequencies by which a tag may be off its mean in a flight: 25 Hz at 20 ms."""
 _INDEPENDENT = 8.6
 """Hypotheses in each flight, for each cell of a stretch one correlation length wide. From the
 least probabilities of noise flights, 1 to 6 at once (`uavrt experiment integrate`)."""
 _INDEPENDENT_PLACES = 1.35
-"""Of a tag that moves, for each pattern in each flight."""
+"""Hypotheses for each pattern in each flight, for a tag that moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Listened:
-    """What one flight heard, and how strong pulses from each place would be in it."""
+    """Energies of one flight, and the strength of pulses from each place in it."""
 
     energies: SlotEnergies
     gain: _Floats
-    """(places, times), 1 at each place's strongest pulse: of all flights where the tag rests,
-    of this one where it moves."""
+    """(places, times), 1 at each place's strongest pulse. Of all flights if the tag rests, of
+    this one if it moves."""
     time_s: _Floats
     """(times,) from the first slot's beginning."""
 
@@ -62,25 +62,25 @@ class JointTrain:
     """The likeliest tag of several flights."""
 
     false_alarm_probability: float
-    """That noise alone shows one as unlikely in the whole search."""
+    """Chance that noise alone shows one as unlikely in the whole search."""
     score: float
     log_probability: float
     hypotheses: float
     trains: tuple[FoldedTrain, ...]
     """Its train in each flight: place is a row of that flight's gains."""
     log_trains: tuple[float, ...]
-    """Logarithm of how many independent trains each was chosen from."""
+    """Log of the number of independent trains each was chosen from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Search:
-    """One rate: stretches of intervals between two."""
+    """Search at one rate over stretches of intervals."""
 
     flights: Sequence[Listened]
     weights: Sequence[Weights]
     between_s: tuple[float, float]
     half_s: float
-    """Half of a stretch."""
+    """Half of a stretch [s]."""
     halves: int
     rate: int
 
@@ -100,8 +100,8 @@ class _Search:
             found[:, row, half[first]] = np.maximum(found[:, row, half[first]], top)
         # Each half is in two stretches: a tag between two is in the middle of a third.
         pairs = np.maximum(found[..., :-1], found[..., 1:])
-        beside = 2 * _ROWS_BESIDE + 1
-        return np.asarray(ndimage.maximum_filter1d(pairs, beside, axis=1, mode="nearest"))
+        width = 2 * _ROWS_BESIDE + 1
+        return np.asarray(ndimage.maximum_filter1d(pairs, width, axis=1, mode="nearest"))
 
     def rows(self, number: int) -> NDArray[np.intp]:
         """A flight's frequency for each of the first flight's."""
@@ -112,7 +112,7 @@ class _Search:
     def train(
         self, number: int, place: int | None, offset_hz: float, stretch: int
     ) -> FoldedTrain:
-        """The likeliest train of one flight at what was found in all; None is any place."""
+        """The likeliest train of one flight within the joint result; None is any place."""
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(
@@ -130,7 +130,7 @@ class _Search:
         return one if place is None else replace(one, place=place)
 
     def trains_each(self, number: int) -> float:
-        """Independent trains of a flight in one stretch, at the frequencies beside one."""
+        """Independent trains of a flight in one stretch, at neighbouring frequencies."""
         energies = self.flights[number].energies
         cells = cells_searched(len(energies.heard), energies.slot_s, self.between_s)
         own = float(np.mean(correlation_slots(energies) ** -2.0))
@@ -143,9 +143,8 @@ def search_together(
 ) -> JointTrain:
     """Find the likeliest tag of several flights.
 
-    `flights`: two or more, with as many frequencies each; of a tag that rests with the same
-    places.
-    `moves`: the tag may be elsewhere in each flight.
+    `flights`: two or more, with as many frequencies each; of a resting tag with the same
+    places. `moves`: the tag may be elsewhere in each flight.
     """
     weights, patterns = _weights(flights, tag, moves=moves)
     found = [

@@ -1,6 +1,7 @@
-"""Where the tag of a folded train is: the energies of its pulses against each place's gains.
+"""Place of the tag of a folded train: the energies of its pulses against each place's gains.
 
-The level is a nuisance with a flat prior in decibels, the place has one flat over the ground.
+The level is a nuisance parameter with a flat prior in decibels; the place has one flat over the
+ground.
 """
 
 from collections.abc import Sequence
@@ -31,59 +32,58 @@ from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 _LEVELS_DB = (-14.0, 9.0)
-"""Levels looked at, from the strongest energies."""
+"""Levels examined, relative to the strongest energies [dB]."""
 _LEVEL_PARTS = 8
-"""Of a step between them."""
+"""Parts of a step between levels."""
 _MOST_ROUNDS = 4
 _LIKELY = 100
-"""Places by which a flight's share is told."""
+"""Number of places by which a flight's share is judged."""
 _BLOCK = 20_000
 """Places times pulses looked up at once."""
 _BLOCK_OF_RATES = 300
-"""Places whose slots are gone through at once."""
+"""Places whose slots are processed at once."""
 _BETWEEN_DB = 3.0
-"""Of a tag's level from one flight to another: posture, receiver, ground."""
+"""Standard deviation of a tag's level between flights: posture, receiver, ground [dB]."""
 _EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
-"""Of the fall with distance, from free space to a tag on the ground beyond the break point."""
+"""Exponents of the fall with distance, from free space to a tag on the ground."""
 _EXPONENT_SHARES = np.diff(
     special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - EXPONENT) / 0.7)
 )
-"""As `uavrt.localization.position.level_evidence.Propagation` believes in what is nearest to
-each. A quarter of that is
-below free space, and counts for it: left out, tags that are seen freely seem farther away."""
+"""Prior of each exponent, from the nearest of `level_evidence.Propagation`. A quarter of that
+is below free space, and counts for it: without it, tags in line of sight seem farther away."""
 _SAME_RANGE_DB = 0.3
-"""Where a place was as far all the time, the exponent tells nothing."""
+"""Range of path lengths below which a place cannot show the exponent [dB]."""
 _COUNTED = 0.8
-"""Of the pulses' evidence: what pattern, poses and ground do beyond the model is the same for
-neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
+"""Share of the pulses' evidence that counts, because neighbouring pulses share model errors.
+Pattern, poses and ground are alike for them. With all of it regions of 90 % held .85 (I4)."""
 _LASTING_DB2 = 4.0
-"""Variance of that, times the pulses for which it lasts: where noise and fading of single
-pulses are less, it limits what they say."""
+"""Variance of these errors, times the pulses for which they last [dB²]. Where noise and fading
+of single pulses are less, it limits their evidence."""
 _NOISY_DB2 = 10.0
-"""Variance of a level in noise up to which `_COUNTED` holds."""
+"""Variance of a level in noise up to which `_COUNTED` holds [dB²]."""
 _FADINGS_DB = (FADING_DB, 2.0, 3.0, 4.5)
-"""Of single pulses, one of which a loud tag's own levels choose: with 1 dB for all, places of
-tags 10 to 200 m away that fade by 2 dB or more were beside their regions."""
+"""Fading of single pulses, chosen by a loud tag's own levels [dB]. With 1 dB for all, tags 10
+to 200 m away that fade by 2 dB or more were outside their regions."""
 _LEAST_LOUD = 30.0
-"""Energy of the strongest pulses from which they tell: below, noise moves them by more."""
+"""Energy of the strongest pulses from which they show fading, and not noise alone."""
 _MORE_FADING = 10.0
-"""By so much likelier, in logarithms, more fading than usual must be."""
+"""Log evidence needed for more fading than usual."""
 _FADING_CELLS = 300
-"""The likeliest cells, by which fadings are compared."""
+"""Number of likeliest cells by which fadings are compared."""
 _LEAST_FALL = 0.02
-"""Share of a fall with distance from which regions hold for it."""
+"""Probability of a fall with distance from which regions hold for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceBelief:
-    """Where a tag is, after a whole flight."""
+    """Probability of a tag's place, after a whole flight."""
 
     latitude_deg: float
     longitude_deg: float
     radius50_m: float
     radius95_m: float
     bearing_deg: float
-    """From the middle of the flight."""
+    """Bearing from the middle of the flight [deg]."""
     arc50_deg: float
     """Width of the arc that holds half of the probability."""
     arc95_deg: float
@@ -101,9 +101,9 @@ class PlaceBelief:
 
 
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
-    """Weigh all places by a train's energies; likely cells are looked at in parts.
+    """Compute the place of a train's tag; likely cells are divided.
 
-    `heard`: of one flight, or of several of a tag that rested, around one plane's middle.
+    `heard`: of one flight, or of several of a resting tag, around one plane's middle.
     """
     reading = _Reading.of(heard)
     found = _placed(reading)
@@ -123,7 +123,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
     gains = common_gains([one.places for one in heard])
     here = heard[0].places
     from_here = (here.east_m, here.north_m)
-    falls = _tells_falls(heard, from_here)
+    falls = _shows_falls(heard, from_here)
     logs = _all_logs(reading, gains, from_here, falls=falls)
     cells, level_db, probability = _fined(reading, logs)
     return _summary(probability, level_db, reading.fading_db, cells)
@@ -132,15 +132,15 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
     """The reading whose fading has the most evidence over the likely places.
 
-    `readings`: by fading; the first is the usual one, and stays unless another is plainly
+    `readings`: by fading; the first is the usual one, and stays unless another is clearly
     likelier.
     """
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
     gains = _gains_anywhere(heard, from_here)
-    # A fall that is told, and not the usual one, must not pass for fading.
-    falls = _tells_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
+    # An unusual fall with distance must not pass for fading.
+    falls = _shows_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
     evidence = []
     for reading in readings:
         logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
@@ -151,11 +151,11 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
 
 
 def train_evidence(one: HeardTrain) -> float:
-    """Logarithm of how much likelier a train is with a tag, anywhere, than without one."""
+    """Log likelihood ratio of a train with a tag, anywhere, to one without."""
     reading = _Reading.of([replace(one, log_trains=None)])
     places = one.places
     from_here = (places.east_m, places.north_m)
-    falls = _tells_falls([one], from_here)
+    falls = _shows_falls([one], from_here)
     gains = common_gains([places])
     logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
     held, _ = _over_levels(logs, reading.levels_db)
@@ -165,13 +165,13 @@ def train_evidence(one: HeardTrain) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Reading:
-    """Energies of a tag's flights, and how levels are read from them."""
+    """Energies of a tag's flights, and how levels are derived from them."""
 
     heard: Sequence[HeardTrain]
     fading_db: float
     tables: tuple[_Floats, ...]
     levels_db: _Floats
-    """Of the strongest pulse."""
+    """Levels of the strongest pulse [dB]."""
 
     @classmethod
     def of(cls, heard: Sequence[HeardTrain], fading_db: float = FADING_DB) -> "_Reading":
@@ -184,18 +184,18 @@ class _Reading:
 
 
 def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
-    """Levels of the strongest pulse that are looked at."""
+    """Levels of the strongest pulse that are examined [dB]."""
     top_db = 10.0 * np.log10(
         max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
     )
     return np.asarray(top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5))
 
 
-def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
+def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     """Probability that a flight's train is the tag's, and not chance.
 
-    `gain` (places, times): on the scale of all flights.
-    `place`: of all flights, this one among them.
+    `gain` (places, times): on the scale of all flights. `place`: of all flights, this one among
+    them.
     """
     if one.log_trains is None:
         return 1.0
@@ -209,8 +209,8 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     return float(held @ special.expit(own - one.log_trains) / held.sum())
 
 
-def _tells_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
-    """Whether any of some places was at different distances: what is far away was not."""
+def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]) -> bool:
+    """Whether the distance to any of some places varied; it does not for distant ones."""
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
     return bool(spread_db.max() >= _SAME_RANGE_DB)
@@ -226,8 +226,8 @@ def _all_logs(
 ) -> _Floats:
     """Log likelihood ratio and belief of each fall, place and level, over all flights.
 
-    Without `falls` there is one, as none can be told from another. Tempered it allows for what
-    pulses have in common beyond the model, as places are told apart by it.
+    Without `falls` there is one, as they cannot be distinguished. Tempered it allows for the
+    pulses' common model errors.
     """
     heard = reading.heard
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
@@ -248,13 +248,12 @@ def _all_logs(
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
-    """Logarithm of the mean of likelihoods over levels, and the mean level of each [dB].
+    """Log of the mean likelihood over levels, and the mean level of each [dB].
 
-    That of a loud tag is told to a fraction of the step between levels: between them the
-    logarithm follows a spline, for it is smooth.
+    A loud tag's level is known to a fraction of the step between levels, so a spline
+    interpolates.
 
-    `logs`: shape (falls, places, levels).
-    `levels_db`: shape (levels,).
+    `logs`: shape (falls, places, levels). `levels_db`: shape (levels,).
     """
     fine = np.linspace(levels_db[0], levels_db[-1], _LEVEL_PARTS * (len(levels_db) - 1) + 1)
     between = interpolate.CubicSpline(levels_db, logs, axis=2)(fine)
@@ -266,7 +265,7 @@ def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
-    """Of each place over all flights: (places, 1)."""
+    """Strongest gain of each place over all flights, (places, 1)."""
     return np.asarray(np.max([one.max(axis=1) for one in gains_db], axis=0))[:, np.newaxis]
 
 
@@ -280,7 +279,7 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
             counted = _counted(one, reading.fading_db)
         own = _logs(one, gain_db, table, levels_db, counted)
         if one.log_trains is not None:
-            # Whether it is the tag's train all of its evidence tells; where it is, less.
+            # All evidence counts for whether it is the tag's train, less for where it is.
             own = _COUNTED * np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
             top = own.max(axis=1, keepdims=True)
@@ -297,7 +296,7 @@ def _gain_db(one: HeardTrain, gain: _Floats) -> _Floats:
 
 
 def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
-    """How far places were at the pulses: (places, pulses)."""
+    """Path length from places at the pulses, (places, pulses) [dB]."""
     time_s = one.places.time_s
     part = np.interp(one.pulses.time_s, time_s, np.arange(len(time_s)).astype(np.float64))
     return one.places.track.away_db(east_m, north_m, part)
@@ -308,16 +307,14 @@ def _logs(
 ) -> _Floats:
     """Log likelihood ratio of each place and level, levels a whole number of steps apart.
 
-    Of that of each pulse a share is counted.
-
-    Of a tag with several rates the pulses' are not just added up: it may have been at another
-    one, and what is silent then says nothing of where it is.
+    Each pulse counts by a share. For a tag with several rates, a silent slot may mean another
+    rate and has no information on its place.
     """
     column, beyond_db = looked_up(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
-    # Levels lie so many of the table's steps apart: those of a place and pulse follow each
-    # other among every so many of its rows.
+    # Levels are `apart` of the table's steps from each other: those of a place and pulse
+    # are among every `apart`-th of its rows.
     apart = round((levels_db[1] - levels_db[0]) / STEP_DB)
     beyond = apart * len(levels_db)
     padded = np.pad(chosen, ((0, 0), (beyond, beyond + apart)), mode="edge")
@@ -334,8 +331,8 @@ def _logs(
     block = max(1, _BLOCK // max(len(at), 1)) if one.rates == 1 else _BLOCK_OF_RATES
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)
-        told_db = gain_db[some] - beyond_db + levels_db[0]
-        first = np.rint((told_db - STRENGTHS_DB[0]) / STEP_DB)
+        sought_db = gain_db[some] - beyond_db + levels_db[0]
+        first = np.rint((sought_db - STRENGTHS_DB[0]) / STEP_DB)
         first = np.clip(first, -beyond, chosen.shape[1] - 1).astype(np.intp) + beyond
         logs[some] = levels[first % apart, at, first // apart].sum(axis=1)
         if one.rates > 1:
@@ -348,18 +345,20 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
     """Share of a flight's evidence that counts: less where loud pulses make it.
 
     A level of energy E over noise has a variance of 37.7/E dB² by noise (of noncentral
-    chi-square), and that of single pulses' fading; one over it is what a pulse tells. All
-    pulses count alike: were loud ones to count less than others, what the many weak ones have
-    wrong in common would move the place.
+    chi-square), and that of single pulses' fading; one over it is a pulse's information. All
+    pulses count alike, because the common errors of the many weak ones would move the place
+    otherwise.
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
-    told = 1.0 / (37.7 / above + fading_db**2)
-    beyond = float(told @ np.maximum(told - 1.0 / _NOISY_DB2, 0.0)) / float(told.sum())
+    precision = 1.0 / (37.7 / above + fading_db**2)
+    beyond = float(precision @ np.maximum(precision - 1.0 / _NOISY_DB2, 0.0)) / float(
+        precision.sum()
+    )
     return 1.0 / (1.0 / _COUNTED + _LASTING_DB2 * beyond)
 
 
 def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
-    """Cells, the likely ones in parts; the mean level [dB]; how likely each place is."""
+    """Cells, the likely ones divided; the mean level [dB]; the probability of each place."""
     places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)
@@ -384,7 +383,7 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
         held, level_db = _over_levels(found, levels_db)
         ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
     held = ground.held
-    told = held[held.sum(axis=1) >= _LEAST_FALL]
+    believed = held[held.sum(axis=1) >= _LEAST_FALL]
     cells = Cells(
         plane=places.plane,
         bearing_deg=ground.bearing_deg,
@@ -392,7 +391,7 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
         width_deg=ground.width_deg,
         ratio=ground.ratio,
         probability=held.sum(axis=0),
-        by_fall=told / told.sum(axis=1, keepdims=True),
+        by_fall=believed / believed.sum(axis=1, keepdims=True),
     )
     return cells, float((held * ground.level_db).sum()), each / each.sum()
 
@@ -400,7 +399,7 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
 def _gains_anywhere(
     heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]
 ) -> list[_Floats]:
-    """As `common_gains` of places that are not among the flights' own."""
+    """As `common_gains`, for places that are not among the flights' own."""
     each_db = [one.places.track.gain_db(*east_north_m) for one in heard]
     strongest_db = np.max([gain_db.max(axis=1) for gain_db in each_db], axis=0)
     return [10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0) for gain_db in each_db]

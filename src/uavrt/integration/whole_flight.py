@@ -1,10 +1,10 @@
 """Judge a whole flight at once: interval, phase, frequency and place of one tag together.
 
 The statistic for a place is the sum of the slots' energies, one slot for each pulse, each
-weighed by ``w = S / (1 + S)`` with S the pulse's energy over noise there, by the antenna's gain
-and the range: the locally most powerful weights for weak pulses, bounded for strong ones. Its
-tail in noise is that of a shifted gamma distribution with the variance and skewness that sums
-of the flight's own energies have, whatever the noise is like: exact for equal weights and white
+weighted by ``w = S / (1 + S)`` with S the pulse's energy over noise there, by the antenna's
+gain and the range: the locally most powerful weights for weak pulses, bounded for strong ones.
+Its tail in noise is that of a shifted gamma distribution with the variance and skewness of sums
+of the flight's own energies, whatever the noise is like: exact for equal weights and white
 noise without jitter (docs/explanation/whole-flight.md).
 """
 
@@ -30,38 +30,38 @@ from uavrt.messages import Tag
 
 _Floats = NDArray[np.float64]
 DESIGN_ENR = 2.0
-"""Energy over noise of the strongest pulse that the weights are made for: 3 dB."""
+"""Energy over noise of the strongest pulse for which the weights are designed: 3 dB."""
 KEPT_VARIANCE = 0.995
-"""Of the weights, that the folded patterns keep: 0.01 dB are lost."""
+"""Share of the weights' variance that the folded patterns keep: 0.01 dB are lost."""
 FEW_PATTERNS = 8
-"""So many, as where the drone turns in place, are folded for all places at once."""
+"""Number of patterns, as where the drone turns in place, folded for all places at once."""
 _COARSE_VARIANCE, _COARSE_ALIKE = 0.90, 0.85
 """Of the patterns and places by which cells are chosen that are then looked at in full: three
 times fewer of both. A train of 7 standard deviations has 5.6 there at the worst place."""
 _LOOKED_AT = 400
-"""Cells looked at in full, of tens of thousands that are each the best of a place, frequency
-and period: in twenty minutes of noise the last of them has 5.0 to 5.4 standard deviations."""
+"""Cells examined in full, of tens of thousands that are each the best of a place, frequency and
+period. In twenty minutes of noise the last of them has 5.0 to 5.4 standard deviations."""
 _SIDE_BY_SIDE = 48
-"""Sums folded at once, of frequencies times patterns: 60 MB, and with NumPy 0.8 ns an addition
-on the reference computer; 12 take 1.9 ns each."""
+"""Sums folded at once, of frequencies times patterns: 60 MB. With NumPy 0.8 ns an addition on
+the reference computer; 12 take 1.9 ns each."""
 _MOMENT_SLOTS = 16384
 _LEAST_SKEWNESS = 0.02
 _INDEPENDENT = 6.0
-"""Hypotheses for each pattern and cell one correlation length wide in phase and interval.
-From the least probabilities of noise flights (`uavrt experiment integrate`)."""
+"""Hypotheses for each pattern and cell one correlation length wide in phase and interval. From
+the least probabilities of noise flights (`uavrt experiment integrate`)."""
 _OF_BURSTS = 2.5
-"""Times as many of bursts of a coded tag, each the best of some stretches of its gaps."""
+"""Factor for bursts of a coded tag, each the best of some stretches of its gaps."""
 _LOUD_INDEPENDENT = 1.5
-"""The same for each cell of marks."""
+"""Hypotheses for each cell of marks."""
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-"""At which the correlation of a row's energies is taken [slots]."""
+"""Lags at which the correlation of a row's energies is computed [slots]."""
 _LOUD_SHARE = 0.02
-"""Of the false alarms, for trains of pulses each of which is loud: they are beyond doubt."""
+"""Share of the false alarms for trains of loud pulses, which are beyond doubt."""
 _LEAST_LOUD = 4
 _ALIKE = 0.95
-"""Share of the best train's logarithm from which another may be of the same marks."""
+"""Share of the best train's log probability from which another may be of the same marks."""
 _FOR_MIDDLES = 0.4
-"""Of a pulse, so that it never counts as one more or less."""
+"""Weight for central slots, below that of any mark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,31 +69,31 @@ class FoldedTrain:
     """The likeliest train of pulses of a whole flight."""
 
     false_alarm_probability: float
-    """That noise alone shows one as unlikely in the whole search."""
+    """Chance that noise alone shows one as unlikely in the whole search."""
     score: float
-    """Standard deviations of the weighted sum; of a loud train its pulses."""
+    """Standard deviations of the weighted sum; for a loud train the number of its pulses."""
     interval_s: float
-    """In the middle of the flight."""
+    """Interval in the middle of the flight [s]."""
     phase_s: float
     """Middle of the first pulse's slot, from the first slot's beginning."""
     offset_hz: float
     place: int
     """Row of the weights."""
     hypotheses: float
-    """Independent ones looked at."""
+    """Number of independent hypotheses tested."""
     log_probability: float
     """Natural logarithm of the chance of this cell alone."""
     rate: int = 1
     """Which of the tag's intervals, from 1."""
     loud: bool = False
-    """Whether it is made of pulses that are seen alone."""
+    """Whether it consists of pulses that are seen alone."""
     drift: float = 0.0
     """Relative change of the interval from the first slot to the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Weights:
-    """How much a pulse of each slot counts, for each place."""
+    """Weight of a pulse in each slot, for each place."""
 
     basis: NDArray[np.float32]
     """(patterns, slots)."""
@@ -104,23 +104,22 @@ class Weights:
     skewness: _Floats
     """(frequencies, places) of that sum."""
     interval_s: float
-    """For which both hold: sums over longer ones have fewer pulses."""
+    """Interval for which both hold [s]; sums over longer ones have fewer pulses."""
     spread: float = 1.0
-    """How long the pulses that count are apart, of the flight: the mean over the places. So
-    much of the intervals that a fold tells apart differ for a place."""
+    """Extent of the pulses that count, as a share of the flight; the mean over the places. It
+    is the share of a fold's intervals that differ for a place."""
 
     @classmethod
     def of(
         cls, basis: _Floats, mixing: _Floats, energies: SlotEnergies, interval_s: float
     ) -> "Weights":
-        """Take a sum's deviation and skewness from the flight's own energies.
+        """Derive a sum's deviation and skewness from the flight's own energies.
 
-        Of one pulse in each interval, wherever it begins, every slot holds as many on average:
-        the sum's cumulants are those of the slots' weighed energies, times that number. A hum,
-        a tone or a level that changes is so counted as what it does to sums.
+        One pulse in each interval, wherever it begins, puts as many into every slot on average:
+        the sum's cumulants are those of the slots' weighted energies, times that number. So
+        hum, tones and changing levels are included.
 
-        `basis`: shape (patterns, slots).
-        `mixing`: shape (places, patterns).
+        `basis`: shape (patterns, slots). `mixing`: shape (places, patterns).
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
@@ -154,13 +153,13 @@ class Weights:
         energies: SlotEnergies,
         interval_s: float,
     ) -> "Weights":
-        """Lay patterns (patterns, times) over a flight's slots; what was not heard counts 0."""
+        """Interpolate patterns (patterns, times) to a flight's slots; 0 without samples."""
         basis = np.stack([np.interp(energies.time_s, time_s, one) for one in patterns])
         basis[:, ~energies.heard] = 0.0
         return cls.of(basis, mixing, energies, interval_s)
 
     def only(self, place: int) -> "Weights":
-        """Those of one place, as its only pattern."""
+        """The weights of one place, as its only pattern."""
         return Weights(
             basis=self.mixing[[place]] @ self.basis,
             mixing=np.ones((1, 1), np.float32),
@@ -200,7 +199,7 @@ class Peaks:
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Spread over the flight of what counts, 1 where all of it does alike; mean over places."""
+    """Extent of the weights over the flight, 1 if they are even; mean over places."""
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
@@ -221,12 +220,11 @@ def low_rank_weights(
     interval_s: float,
     kept_variance: float = KEPT_VARIANCE,
 ) -> Weights:
-    """Turn the places' gains into a few patterns to fold, and how to mix them.
+    """Reduce the places' gains to a few patterns to fold, and how to mix them.
 
-    `gain` (places, times): energy of a pulse relative to that place's strongest.
-    `time_s` (times,): from the first slot's beginning, ascending.
-    `interval_s`: nominal, for the number of pulses.
-    `kept_variance`: share of the weights' variance that the patterns keep.
+    `gain` (places, times): energy of a pulse relative to that place's strongest. `time_s`
+    (times,): from the first slot's beginning, ascending. `interval_s`: nominal, for the number
+    of pulses. `kept_variance`: share of the weights' variance that the patterns keep.
     """
     mixing, patterns = low_rank(pulse_weights(gain), kept_variance)
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
@@ -276,16 +274,10 @@ def scores(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Iterator[tuple[int, _Floats, NDArray[np.float32]]]:
-    """Fold some frequencies at all intervals between two; everything, fold by fold.
+    """Fold some frequencies at all intervals between two; yields everything, fold by fold.
 
-    Yields
-    ------
-    row : int
-        Frequency.
-    intervals : ndarray of float64, shape (n,)
-        [slots].
-    score : ndarray of float32, shape (places, n, phases)
-        Standard deviations of the weighted sums.
+    Yields (row, intervals, score): the frequency; (n,) [slots]; standard deviations of the
+    weighted sums, float32 of shape (places, n, phases).
     """
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score = weights.scaled(at) @ sums.reshape(len(sums), -1)
@@ -313,7 +305,7 @@ def _folds(
             if not len(used):
                 continue
             sums = fold(weighed, period, int(used[0]), int(used[-1]) + 1)
-            # The variance is that of so many pulses as the weights were made for.
+            # The variance is for the number of pulses for which the weights were made.
             scale = np.sqrt(intervals[used] * slot_s / weights.interval_s).astype(np.float32)
             for which, at in enumerate(some.tolist()):
                 own = sums[which * patterns : (which + 1) * patterns]
@@ -323,7 +315,7 @@ def _folds(
 def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) -> float:
     """Cells of a fold of one frequency that differ by a slot over all pulses.
 
-    A fold has rows for up to twice the periods; so many count as there are periods.
+    A fold has rows for up to twice the periods; only the true number counts.
     """
     low_s, high_s = between_s
     cells = 0.0
@@ -337,9 +329,9 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """Independent hypotheses of the search for weak pulses.
 
-    Where only a part of the flight counts for a place, as where a drone passes it, trains whose
-    intervals differ by a cell of the whole flight are the same to it: of the cells as many
-    count as that part is long (`Weights.spread`).
+    If only a part of the flight counts for a place, as where a drone passes it, trains whose
+    intervals differ by a cell of the whole flight are the same to it: the number of cells falls
+    by that share (`Weights.spread`).
     """
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
@@ -348,10 +340,10 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
-    """Slots over which energies of each frequency are alike: 1 where each is its own.
+    """Slots over which each frequency's energies are correlated: 1 where each is independent.
 
-    A narrow line of hum changes slowly: its slots are few, however many there are. It is the
-    sum of the squared correlation over all lags.
+    A narrow line of hum changes slowly, so its independent slots are few. It is the sum of the
+    squared correlation over all lags.
     """
     energy = energies.energy
     power = np.maximum(np.sum(energy**2, axis=1, dtype=np.float64), 1e-9)
@@ -383,15 +375,12 @@ def search_flight(
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag, the least likely by chance first.
 
-    Of loud ones of the same pulses, whose chances are alike, the most central comes first.
-
     All its rates are searched, for weak pulses by their weighted energies, and for loud ones,
-    which these leave out, by their number.
+    which these leave out, by their number. Of loud trains of the same pulses the most central
+    comes first.
 
-    `tag`: intervals and their uncertainty.
-    `most`: trains returned.
-    `few_patterns`: above this number, cells are chosen by fewer places, and then looked at
-    in full.
+    `tag`: intervals and their uncertainty. `most`: trains returned. `few_patterns`: above this
+    number, cells are chosen by fewer places, and then examined in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -417,7 +406,7 @@ def log_tail(found: Peaks, weights: Weights, energies: SlotEnergies) -> _Floats:
 
 
 def chance(log_probability: float, hypotheses: float) -> float:
-    """Probability that the least of so many independent ones is as small."""
+    """Probability that the least of this many independent ones is as small."""
     return -math.expm1(-math.exp(min(math.log(hypotheses) + log_probability, 700.0)))
 
 
@@ -441,7 +430,7 @@ def _weak_trains(
 
 
 def _coarser(weights: Weights, energies: SlotEnergies) -> Weights:
-    """Fewer patterns, and places that stand for the others in them."""
+    """Fewer patterns, and places that represent the others in them."""
     kept = np.cumsum(np.sum(weights.mixing.astype(np.float64) ** 2, axis=0))
     rank = int(np.searchsorted(kept, _COARSE_VARIANCE * kept[-1])) + 1
     mixing = weights.mixing[:, :rank].astype(np.float64)
@@ -483,7 +472,7 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
 
 
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
-    """Trains of marks: as many of N slots are marked by chance as the binomial law says."""
+    """Trains of marks: their number of N slots follows the binomial law by chance."""
     counts = np.count_nonzero(energies.loud, axis=1)
     rows = np.flatnonzero(counts >= _LEAST_LOUD)
     if not len(rows):
@@ -512,8 +501,8 @@ def _through_middles(
 ) -> tuple[NDArray[np.intp], _Floats]:
     """Order of peaks of marks: the likeliest, but of nearly as likely ones the most central.
 
-    A frequency beside a pulse's has fewer marks, so as many of them are a little less likely.
-    They are the same pulses': all of them have the least of their chances.
+    Frequencies next to a pulse's have fewer marks and can make less likely trains of the same
+    pulses: all get the least of their chances.
     """
     order = np.argsort(logs, kind="stable")
     if not len(order):
@@ -558,7 +547,7 @@ def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
 
 
 def plain_weights(energies: SlotEnergies) -> Weights:
-    """Of one place, of which each slot counts 1."""
+    """Equal weights of one place."""
     return Weights(
         basis=np.ones((1, len(energies.heard)), np.float32),
         mixing=np.ones((1, 1), np.float32),
@@ -578,7 +567,7 @@ def train_at(
     *,
     loud: bool = False,
 ) -> FoldedTrain:
-    """Make the train of a cell of a search, of which there were so many hypotheses."""
+    """Make the train of a cell of a search with a number of hypotheses."""
     return FoldedTrain(
         false_alarm_probability=chance(log_probability, hypotheses),
         score=float(found.score[at]),
@@ -594,7 +583,7 @@ def train_at(
 
 
 def _rows_used(intervals_s: _Floats, low_s: float, high_s: float) -> NDArray[np.intp]:
-    """Rows of a fold whose interval is wanted."""
+    """Rows of a fold whose interval is searched."""
     rows = len(intervals_s)
     half_s = 0.5 * (intervals_s[-1] - intervals_s[0]) / max(rows - 1, 1)
     used = np.flatnonzero((intervals_s >= low_s - half_s) & (intervals_s <= high_s + half_s))

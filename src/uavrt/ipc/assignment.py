@@ -1,4 +1,4 @@
-"""What the supervisor hands to a process at its start."""
+"""Settings and task of a process, sent by the supervisor at its start."""
 
 from dataclasses import dataclass, field
 
@@ -8,7 +8,7 @@ from uavrt.messages import FlightInfo, Tag
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """Everything a process needs to know; its first record after every start."""
+    """Everything a process needs at its start; its first record."""
 
     process: str
     """Name of the row, with the worker's number where there are several: ``detector-2``."""
@@ -17,11 +17,11 @@ class Assignment:
     flight: FlightInfo | None
     """The flight in progress, if any."""
     last_flights: tuple[str, ...] = ()
-    """Directories of the flights before, whose pulses may not all have reached the ground."""
+    """Earlier flights' directories, whose pulses may not all have reached the ground."""
     tags: tuple[Tag, ...] = ()
     """The tags this process serves: all, or a worker's share."""
     worker_of_tag: dict[int, int] = field(default_factory=dict)
     """Tag id to detector worker, for the receiver."""
     sample_fds: tuple[int, ...] = ()
     """Datagram sockets: the one where it receives samples, if it does, then one for each
-    process that it sends samples to."""
+    receiver."""

@@ -38,10 +38,7 @@ class SupervisorGone(ConnectionError):
 
 
 class ChildLink:
-    """Sends and receives records; see the module's text.
-
-    `sock`: stream socket to the supervisor.
-    """
+    """Sends and receives records over a stream socket to the supervisor."""
 
     def __init__(self, sock: socket.socket) -> None:
         sock.setblocking(False)
@@ -53,7 +50,7 @@ class ChildLink:
         self.refused = 0
         """Lines that were not records."""
         self.lines = 0
-        """Lines that `receive` has given or that were refused, since the start."""
+        """Lines that `receive` has returned or refused, since the start."""
 
     @classmethod
     def from_environment(cls) -> "ChildLink":
@@ -65,19 +62,13 @@ class ChildLink:
         return self._sock.fileno()
 
     def put(self, topic: str, record: object) -> None:
-        """Keep a record for the next `send`, `flush` or `receive`.
-
-        Raises `SupervisorGone`: its reader is gone.
-        """
+        """Queue a record for the next `send`, `flush` or `receive`; raises `SupervisorGone`."""
         self._unsent += encode_record(topic, record)
         if len(self._unsent) > FLUSH_BYTES:
             self.flush()
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record and what was put before, or keep them until the socket takes them.
-
-        Raises `SupervisorGone`: its reader is gone.
-        """
+        """Send a record and those queued, as far as possible; raises `SupervisorGone`."""
         self._unsent += encode_record(topic, record)
         self.flush()
 
@@ -100,9 +91,8 @@ class ChildLink:
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
         """Get the records that have arrived, waiting up to `timeout_s` for the first.
 
-        Returns: topic and record, in order.
-        Raises `SupervisorGone`: the supervisor has ended, and all that it had sent was received
-        before.
+        Returns topic and record, in order. Raises `SupervisorGone` once the supervisor has
+        ended and all its records were received.
         """
         if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:
@@ -119,7 +109,7 @@ class ChildLink:
         return records
 
     def wait_for_assignment(self, timeout_s: float = 10.0) -> Assignment:
-        """Get the first record, which says what to do; later ones stay for `receive`."""
+        """Get the first record, the assignment; later ones stay for `receive`."""
         deadline = time.monotonic() + timeout_s
         while not self._received and time.monotonic() < deadline:
             select.select([self._sock], [], [], deadline - time.monotonic())

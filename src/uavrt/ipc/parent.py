@@ -31,9 +31,8 @@ def adopts_orphans() -> bool:
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> None:
     """Die when the parent ends, even by SIGKILL, even while this process is stopped.
 
-    The parent may have ended before the kernel was told, and this process have got another
-    one; then it ends now. With SIGTERM as `number` it has time to finish; while stopped it then
-    outlives the parent until it is continued, as systemd does with what it ends.
+    If the parent has ended already, this process ends now. With SIGTERM as `number` it has time
+    to finish; while stopped it then outlives the parent until it is continued, as by systemd.
     """
     if not sys.platform.startswith("linux"):
         return

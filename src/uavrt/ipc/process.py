@@ -30,7 +30,7 @@ HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
 
 
 class ProcessFrame:
-    """What every child process has in common.
+    """Common parts of a child process.
 
     `link`: socket to the supervisor.
     """
@@ -39,8 +39,8 @@ class ProcessFrame:
         self.link = link
         self.assignment = assignment
         self.clock = Clock(assignment.clock_offset_ns)
-        """The flight's clock: another one from each flight's start on. It may step then, so
-        what is to be done later must not be timed by it."""
+        """The flight's clock, replaced at each flight's start; it may step then, so do not
+        schedule by it."""
         self.running = True
         self.counters: dict[str, float] = {}
         self._next_health_s = 0.0
@@ -51,11 +51,8 @@ class ProcessFrame:
     def start(cls, *, finishes: bool = False) -> "ProcessFrame":
         """Take the link and the assignment; end the loop on SIGTERM, ignore SIGINT.
 
-        With `finishes` the end of the supervisor is a SIGTERM, too: there is something that
-        must still be brought to the disk.
-
-        A Ctrl-C in a terminal reaches every process of the group; the supervisor alone decides
-        in which order they end.
+        With `finishes` the end of the supervisor acts as SIGTERM, too, for processes that must
+        still write. The supervisor alone decides in which order processes end on Ctrl-C.
         """
         die_with_parent(signal.SIGTERM if finishes else signal.SIGKILL)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -72,21 +69,21 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Send a record to the supervisor, who passes it on, with the next report.
+        """Send a record to the supervisor, which passes it on, with the next report.
 
         All records of one turn of the loop go together: each sending wakes the supervisor.
         """
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Get the records that have arrived; a flight that has begun brings its clock."""
+        """Get the records that have arrived; the start of a flight sets its clock."""
         records = self.link.receive(timeout_s)
         for _, record in records:
             if isinstance(record, FlightInfo):
                 self.clock = Clock(record.clock_offset_ns)
         return records
 
-    def tell(self, severity: int, text: str) -> None:
+    def notify(self, severity: int, text: str) -> None:
         """Send a text to the operator."""
         self.send("status_text", StatusText(severity=severity, text=text))
 
@@ -101,8 +98,8 @@ class ProcessFrame:
     ) -> None:
         """Send the health if it is due, or at once when it is the last or has changed.
 
-        Also the sign of life, and the sending of all that waits: call it in each turn of the
-        loop. `counters` is called only when the health is sent.
+        Call it in each turn of the loop: it also sends all that waits. `counters` is called
+        only when the health is sent.
         """
         now_s = monotonic_s()
         if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
@@ -124,7 +121,7 @@ class ProcessFrame:
         )
 
     def idle(self, reason: str) -> None:
-        """Stay alive without doing anything until the end: a restart would change nothing."""
+        """Stay alive without work until the end, because a restart would change nothing."""
         while self.running:
             self.receive(timeout_s=0.5)
             self.report(reason, ok=False)

@@ -36,13 +36,13 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 RECORD: Final = struct.Struct("<12d")
 DEFAULT_PORT: Final = 50_000
 HEARTBEAT_S: Final = 1.0
-"""The successor's period; the original sends one before each search, about every 3.6 s."""
+"""Time between heartbeats, as the successor has it [s]; the original sends one every 3.6 s."""
 
 _STATES: Final[dict[DetectionStatus, int]] = {"subthreshold": 0, "detected": 1, "confirmed": 2}
 NOTHING_FOUND: Final = 3
 OVERDUE_NS: Final = ns_from_s(1.0)
-"""So long after its expected end a tag's next pulse is missed: pulses are told half a second
-after them, in steps of up to 0.44 s."""
+"""Time after its expected end when a tag's next pulse counts as missed [ns]. Pulses are
+reported half a second after them, in steps of up to 0.44 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class PulseRecord:
 
     @property
     def is_heartbeat(self) -> bool:
-        """True for a sign of life, which has no frequency."""
+        """Whether it is a heartbeat, which has no frequency."""
         return self.frequency_hz == 0.0
 
     def encode(self) -> bytes:
@@ -73,10 +73,7 @@ class PulseRecord:
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Read the 96 bytes; any float is taken, the original sends infinite ones.
-
-        Raises `FormatError`: another number of bytes.
-        """
+        """Read 96 bytes, infinite numbers included; raises `FormatError` for another size."""
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record has {RECORD.size} bytes, this one {len(payload)}",
@@ -104,7 +101,7 @@ def record_of_pulse(pulse: Pulse) -> PulseRecord:
 
 
 def record_of_search(report: SearchReport) -> PulseRecord:
-    """Convert "searched, nothing found"."""
+    """Convert a search without a detection."""
     return PulseRecord(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),
@@ -116,10 +113,9 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 
 
 class PulseDatagramSender:
-    """Sends pulse records and heartbeats; never waits, listener or not.
+    """Sends pulse records and heartbeats; never waits.
 
-    `tag_ids`: tags that heartbeats are sent for.
-    Raises `LinkError`: the name is unknown.
+    `tag_ids`: tags that heartbeats are sent for. Raises `LinkError`: the name is unknown.
     """
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
@@ -138,7 +134,7 @@ class PulseDatagramSender:
         """For each tag the last stretch in which its pulses came as expected."""
         self.sent = 0
         self.dropped = 0
-        """Not sent, for want of room or of a network."""
+        """Records not sent, for lack of room or of a network."""
 
     def send_pulses(self, pulses: Iterable[Pulse]) -> None:
         """Send pulses, each once."""
@@ -147,10 +143,10 @@ class PulseDatagramSender:
             self._note_found(pulse)
 
     def send_reports(self, reports: Iterable[SearchReport]) -> None:
-        """Send what was searched in vain, but nothing of a tag that is being found.
+        """Send searches without a detection, except for a tag that is being found.
 
-        Reports come every second, pulses often less often; between two pulses of a tag nothing
-        was to be found, and a controller would take it for lost.
+        Reports come every second, pulses often less often; a controller would take a tag for
+        lost between two pulses.
         """
         for report in reports:
             begin_ns, end_ns = self._found_ns.get(report.tag_id, (0, -1))

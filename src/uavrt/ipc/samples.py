@@ -49,9 +49,9 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""16 KiB; 87 ms of a radio have some ninety at most."""
+"""Most clipped stretches of a datagram, 16 KiB; 87 ms of a radio have some ninety at most."""
 BACKLOG_BYTES = 16 * 1024 * 1024
-"""Kept for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
+"""Most bytes waiting for one detector: 16 MiB are 280 s of one channel, 2.8 s of a hundred."""
 MAX_CARRIERS = 8
 _CARRIERS_BYTES = MAX_CARRIERS * CARRIER.size
 MAX_SAMPLES = 8192
@@ -71,17 +71,17 @@ class ChannelSender:
         self._size = ENVELOPE.size
         self._clipped: tuple[tuple[int, int], ...] = ()
         self._carriers_hz: tuple[float, ...] = ()
-        self._told: tuple[tuple[int, int], ...] = ()
-        """Stretches that were taken last; the channels of a radio block have the same."""
+        self._last_clipped: tuple[tuple[int, int], ...] = ()
+        """Last stretches sent; the same for all channels of a radio block."""
         self._waiting: deque[bytes] = deque()
         self._waiting_bytes = 0
         self.samples_dropped = 0
-        """Samples given up because the detector did not take them in time."""
+        """Samples dropped because the detector did not take them in time."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Process a block of a radio block, cut if it is long; `flush` sends it."""
-        if block.clipped_ns is not self._told:
-            self._told = block.clipped_ns
+        """Queue a block of a radio block, cut if it is long; `flush` sends it."""
+        if block.clipped_ns is not self._last_clipped:
+            self._last_clipped = block.clipped_ns
             self._take_clipped(block.clipped_ns[-MAX_STRETCHES:])
         for start in range(0, len(block.samples), MAX_SAMPLES):
             part = block.samples[start : start + MAX_SAMPLES]
@@ -101,7 +101,7 @@ class ChannelSender:
             self._size += size
 
     def _take_clipped(self, stretches_ns: tuple[tuple[int, int], ...]) -> None:
-        """Keep stretches for the next datagram; it has those of blocks without samples too."""
+        """Add stretches to the next datagram, also those of blocks without samples."""
         most = STRETCH.size * MAX_STRETCHES + _CARRIERS_BYTES
         if self._parts and self._size + most > MAX_DATAGRAM_BYTES:
             self._enqueue(more=True)
@@ -110,7 +110,7 @@ class ChannelSender:
         self._clipped = kept
 
     def _enqueue(self, *, more: bool) -> None:
-        """Make a datagram of what was taken; over the limit the oldest is dropped."""
+        """Make a datagram of the queued blocks; over the limit the oldest is dropped."""
         carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
         self._size += CARRIER.size * len(carriers)
         envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))

@@ -24,11 +24,11 @@ class Topic:
     record: type
     meaning: str
     newest: int | None = None
-    """Number of newest records kept for a slow or restarting consumer; older ones are dropped
-    and counted. None: all are kept."""
+    """Number of newest records kept for a slow or restarting consumer; None: all. Older ones
+    are dropped and counted."""
     every_s: float | None = None
-    """Time between two records of one sender, once they flow; None: when something happens.
-    Less than half the rate is reported as too slow (`uavrt.supervisor.pace`)."""
+    """Time between two records of one sender once they flow [s]; None: irregular. Less than
+    half the rate is reported as too slow (`uavrt.supervisor.pace`)."""
     each_tag: bool = False
     """Whether `every_s` applies to each tag that the sender serves."""
 
@@ -189,7 +189,7 @@ TOPICS: dict[str, Topic] = {
 
 
 def _plain(value: Any) -> Any:
-    """Turn a NumPy scalar into Python's own number; nothing else is let through."""
+    """Turn a NumPy scalar into a Python number; other types are refused."""
     if type(value).__module__ == "numpy" and getattr(value, "shape", None) == ():
         return value.item()
     raise TypeError(f"{type(value).__name__} cannot travel between processes")
@@ -202,10 +202,7 @@ _decoders: dict[str, msgspec.json.Decoder[Any]] = {
 
 
 def encode_record(topic: str, record: object) -> bytes:
-    """Write a record as one line, newline included.
-
-    Raises `TypeError`: `record` is not of the topic's type; a fault of the program.
-    """
+    """Write a record as one line with its newline; raises `TypeError` for a wrong type."""
     if not isinstance(record, TOPICS[topic].record):
         raise TypeError(f"{topic} carries {TOPICS[topic].record.__name__}, not {record!r}")
     return topic.encode() + b"\t" + _encoder.encode(record) + b"\n"
@@ -217,10 +214,7 @@ def topic_of(line: bytes) -> str:
 
 
 def decode_record(line: bytes) -> tuple[str, Any]:
-    """Read a line into its topic and record.
-
-    Raises `ValueError`: the line is not a record of a known topic.
-    """
+    """Read a line into topic and record; raises `ValueError` for an unknown topic or record."""
     name, separator, body = line.partition(b"\t")
     topic = name.decode("ascii", "replace")
     decoder = _decoders.get(topic)

@@ -17,7 +17,7 @@ from uavrt.localization.flight_estimates import ReadAs, TagBearing, bearings_of
 from uavrt.localization.heard import POSE_STEP_NS, Heard
 from uavrt.localization.results import ACCEPTED_EVIDENCE, Bearing
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
-from uavrt.on_ground import ToldStates
+from uavrt.on_ground import GroundStates
 
 _KEPT_NS = 900_000_000_000
 """A turn is over after a quarter of an hour at most; older poses and pulses are dropped."""
@@ -44,7 +44,7 @@ class LiveBearings:
         self._tags = tuple(tags)
         self._first_ns: int | None = None
         self._poses: list[Pose] = []
-        self._states = ToldStates()
+        self._states = GroundStates()
         self._pulses: list[PulsePose] = []
         self._cache = Cache()
         self._given: dict[tuple[int, int], Bearing] = {}

@@ -14,7 +14,7 @@ LinkKind = Literal["udpin", "udpout", "tcp", "serial"]
 NETWORK_KINDS: dict[str, LinkKind] = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcp"}
 
 DEFAULT_BAUD = 57_600
-"""Telemetry ports of PX4 and ArduPilot, unless changed."""
+"""Default rate of PX4's and ArduPilot's telemetry ports [baud]."""
 
 FORMS = (
     "Write serial:///dev/ttyUSB0:57600, udpin://127.0.0.1:14540, udpout://HOST:PORT or "

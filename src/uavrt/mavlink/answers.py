@@ -1,4 +1,4 @@
-"""Answers to commands: always one acknowledgement, to the one who asked. Pure."""
+"""Answers to commands: always one acknowledgement, to the sender. Pure."""
 
 from importlib.metadata import version
 
@@ -33,16 +33,14 @@ def answer_command(
     bytewise: bool = True,
     metadata: Metadata | None = None,
 ) -> list[Message]:
-    """Return what is to be sent for a command.
+    """Return the answers to a command.
 
-    A command to all components of the system is answered only when we can serve it: "not
-    supported" from us would make a ground station believe that its take-off was refused.
+    A command to all components is answered only if we serve it: a ground station could take our
+    "not supported" for a refused take-off.
 
-    `sender`: whom to answer.
-    `direct`: True when it names our component, False when it names all.
-    `uptime_ms`: time since our start.
-    `bytewise`: how whole numbers travel in parameters.
-    `metadata`: what our files say of us.
+    `sender`: whom to answer. `direct`: True when it names our component, False when it names
+    all. `uptime_ms`: time since our start. `bytewise`: how whole numbers travel in parameters.
+    `metadata`: describes our files.
     """
     asked = _asked_message(message)
     if asked == dialect.ComponentMetadata.ID and metadata is not None:
@@ -61,7 +59,7 @@ def answer_command(
 
 
 def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | None:
-    """Id of the message that a command asks for."""
+    """Id of the requested message."""
     match message.command:
         case MavCmd.REQUEST_MESSAGE:
             param1 = message.param1
@@ -75,7 +73,7 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
 
 
 def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
-    """One of the messages that say who we are."""
+    """Messages that identify us."""
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(

@@ -1,8 +1,8 @@
 """The drone side as a well-behaved MAVLink component, without I/O.
 
-Feed it frames and the time, give it a function that sends a message; it keeps the heartbeat,
-finds autopilot and ground stations, asks for streams, keeps the clocks in step, answers what a
-component must answer, and hands out samples and tunnel payloads.
+It is given frames, the time, and a function that sends a message. It keeps the heartbeat, finds
+autopilot and ground stations, requests streams, synchronises the clocks, answers as required,
+and hands out samples and tunnel payloads.
 """
 
 from collections import Counter, OrderedDict
@@ -28,7 +28,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
 ALONE_NS = ns_from_s(3.0)
-"""How long to be silent while no autopilot is heard, so as not to appear as another system."""
+"""Silence while no autopilot is received, so as not to appear as another system [ns]."""
 FALLBACK_SYSTEM_ID = 1
 TIMESYNC_FAST_NS = ns_from_s(0.1)
 TIMESYNC_SLOW_NS = ns_from_s(1.0)
@@ -36,12 +36,12 @@ TIMESYNC_FAST_COUNT = 20
 RADIO_COMPONENT = 68
 """MAV_COMP_ID_TELEMETRY_RADIO; SiK's firmware is 51/68."""
 RADIO_STATUS_NS = ns_from_s(0.25)
-"""The firmware reports once a second."""
+"""Time between two reports of the radio's firmware [ns]."""
 RADIO_SILENCE_NS = ns_from_s(10.0)
 PRIVATE_TYPES = 32_768
-"""Payload types of TUNNEL from here on are free for experiments."""
+"""Payload types of TUNNEL that are free for experiments start here."""
 REBOOT_FALL_MS = 1000
-"""A fall of the boot time that no reordering on a link explains."""
+"""Fall of the boot time that no reordering on a link explains [ms]."""
 
 
 ANSWERS_BURST, ANSWERS_PER_S = 24, 4
@@ -58,7 +58,7 @@ class Handlers:
     attitude: Callable[[AttitudeSample], None]
     position: Callable[[PositionSample], None]
     tunnel: Callable[[bytes, Peer], None]
-    """A tunnel payload of type 0 (its valid bytes) and who sent it."""
+    """A tunnel payload of type 0 (its valid bytes) and its sender."""
     private: Callable[[int, bytes, Peer], None] = lambda kind, payload, peer: None
     """A tunnel payload of a private type."""
     ftp: Callable[[bytes, Peer], None] = lambda payload, peer: None
@@ -70,22 +70,19 @@ class Handlers:
     vehicle: Callable[[Message, int], None] = lambda message, now_ns: None
     """Any message of the autopilot, and when it arrived."""
     autopilot_found: Callable[[], None] = lambda: None
-    """There is an autopilot, or another one."""
+    """The autopilot is new, or another one."""
 
 
 class Component:
     """Component 191 on the autopilot's system.
 
-    `send`: sends a message now; called with the message only. Addressing is in the message; the
-    sender's numbers are `system_id` and `component_id` of this object.
-    `handlers`: receivers of samples and tunnel payloads.
-    `component_id`: 191, MAV_COMP_ID_ONBOARD_COMPUTER.
-    `attitude_rate_hz`, `position_rate_hz`: what is asked of the autopilot.
-    `parameter_encoding`: how whole numbers travel in parameters; auto, and float, where there
-    are none: as the autopilot does it.
-    `watched_hz`: further messages that are asked of the autopilot, and how often.
-    `own_system_id`: number of a station without an autopilot; None waits for one and takes its
-    number.
+    `send`: sends a message now; the sender's numbers are `system_id` and `component_id` of this
+    object. `handlers`: receivers of samples and tunnel payloads. `component_id`: 191,
+    MAV_COMP_ID_ONBOARD_COMPUTER. `attitude_rate_hz`, `position_rate_hz`: requested from the
+    autopilot. `parameter_encoding`: how whole numbers travel in parameters; auto: as the
+    autopilot does it, else float. `watched_hz`: further messages requested from the autopilot,
+    and how often. `own_system_id`: number of a station without an autopilot; None waits for one
+    and takes its number.
     """
 
     def __init__(
@@ -105,7 +102,7 @@ class Component:
         self._handlers = handlers
         self._encoding = parameter_encoding
         self.metadata: Metadata | None = None
-        """What COMPONENT_METADATA tells, where the files are served."""
+        """Content of COMPONENT_METADATA, where the files are served."""
         self.component_id = component_id
         self.discovery = Discovery()
         self.time_sync = TimeSync()
@@ -130,7 +127,7 @@ class Component:
 
     @property
     def system_id(self) -> int:
-        """The autopilot's system id, 1 before any was heard; our own where there is none."""
+        """The autopilot's system id, 1 before any was received; our own without autopilot."""
         if self._own_system_id is not None:
             return self._own_system_id
         autopilot = self.discovery.autopilot
@@ -156,7 +153,7 @@ class Component:
     def has_number(self, now_ns: int) -> bool:
         """Whether the system number is known; earlier frames could pass for another vehicle's.
 
-        Without an autopilot for a while, the component is alone and takes the usual number.
+        Without an autopilot for a while, the component takes the usual number.
         """
         if self._own_system_id is not None or self.discovery.autopilot is not None:
             return True
@@ -197,8 +194,8 @@ class Component:
             return
         self._dispatch(message, peer, now_ns)
 
-    def tell_pose(self, pose: Pose, now_ns: int) -> None:
-        """Tell ground stations where a station without an autopilot is."""
+    def send_pose(self, pose: Pose, now_ns: int) -> None:
+        """Send the pose of a station without autopilot to ground stations."""
         uptime_ms = self._uptime_ms(now_ns)
         w, x, y, z = pose.quaternion_wxyz
         self._send(dialect.AttitudeQuaternion(time_boot_ms=uptime_ms, q1=w, q2=x, q3=y, q4=z))
@@ -214,7 +211,7 @@ class Component:
         )
 
     def clock_is_stale(self, now_ns: int) -> bool:
-        """Whether the autopilot is there, but has not told its clock for more than 10 s."""
+        """Whether the autopilot is there, but its clock was not received for more than 10 s."""
         asked = self._requests_sent > 0 and now_ns - self._first_asked_ns > STALE_NS
         return (
             asked
@@ -223,9 +220,9 @@ class Component:
         )
 
     def late_s(self, message: Message, arrived_ns: int) -> float | None:
-        """How long a message of the autopilot was on its way [s], by TIMESYNC.
+        """Delay of a message of the autopilot [s], by TIMESYNC.
 
-        None where it has no time, or the autopilot has not told what its clock shows.
+        None if it has no time, or the autopilot's clock is unknown.
         """
         boot_ms = getattr(message, "time_boot_ms", None)
         if boot_ms is None or not self.time_sync.synchronized:
@@ -292,7 +289,7 @@ class Component:
                 self._command(message, peer, now_ns)
 
     def _radio_status(self, message: dialect.RadioStatus, peer: Peer, now_ns: int) -> None:
-        """Handle the report of one radio on each link, no more often than radios make them."""
+        """Handle the report of one radio on each link, at the radios' rate at most."""
         is_radio = peer.component_id == RADIO_COMPONENT or peer == self.discovery.autopilot
         radio, heard_ns = self._radios.get(peer.link, (peer, now_ns - RADIO_SILENCE_NS))
         if not is_radio or (peer != radio and now_ns - heard_ns < RADIO_SILENCE_NS):
@@ -304,8 +301,9 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """Whether an answer may go at once, past the queue: the autopilot's always, of others
-        so many that they hold up no pulse.
+        """Whether an answer may go at once, past the queue.
+
+        To the autopilot always, to others only a number that holds up no pulse.
         """
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
@@ -338,7 +336,7 @@ class Component:
         self._boot_ms = -1
 
     def _watch_boot_time(self, boot_ms: int, now_ns: int) -> None:
-        """A fall of the boot time is a reboot, or the counter's wrap after 49.7 days."""
+        """Detect a reboot by a fall of the boot time, other than its wrap after 49.7 days."""
         if boot_ms + REBOOT_FALL_MS < self._boot_ms:
             self.counters["autopilot_reboots"] += 1
             self._restart_clock(now_ns)
@@ -404,9 +402,9 @@ class Component:
         )
 
     def _take_time(self, message: dialect.Timesync, peer: Peer, now_ns: int) -> None:
-        """Handle the autopilot's answer to a request of ours, which it tells by its `ts1`.
+        """Handle the autopilot's answer to our request, recognised by its `ts1`.
 
-        Its target says nothing: PX4 1.17 leaves it uninitialised.
+        Its target is unusable: PX4 1.17 leaves it uninitialised.
         """
         if peer != self.discovery.autopilot or message.ts1 not in self._requests:
             self.counters["timesync_foreign"] += 1

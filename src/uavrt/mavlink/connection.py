@@ -1,7 +1,7 @@
 """Runs a component on its links; the core of the connection process.
 
-A link moves bytes, `Component` knows the protocol, `TunnelSender` knows by which link and when;
-this joins them on an asyncio loop and knows nothing else.
+A link moves bytes, `Component` implements the protocol, `TunnelSender` chooses link and time;
+this joins them on an asyncio loop.
 """
 
 import asyncio
@@ -47,13 +47,10 @@ class _Way:
 class Connection:
     """The drone's MAVLink connection.
 
-    `handlers`: receivers of samples and tunnel payloads.
-    `clock_ns`: our clock [ns, UTC]; every time handed out is on it.
-    `component_id`, `attitude_rate_hz`, `position_rate_hz`, `gap_s`, `parameter_encoding`,
-    `own_system_id`: see `Component` and `TunnelSender`.
-    `watched_hz`: see `Component`.
-    `signing`: signs what leaves and judges what comes; the number of a link is its signing link
-    id.
+    `clock_ns`: our clock [ns, UTC]; every time handed out is on it. `component_id`,
+    `attitude_rate_hz`, `position_rate_hz`, `gap_s`, `parameter_encoding`, `own_system_id`,
+    `watched_hz`: see `Component` and `TunnelSender`. `signing`: signs and checks frames; the
+    number of a link is its signing link id.
     """
 
     def __init__(
@@ -112,19 +109,16 @@ class Connection:
         self.tunnel = TunnelSender(senders, self._routes, self.component.discovery)
 
     async def run(self, *addresses: str | Address) -> None:
-        """Open all links and serve them until cancelled.
-
-        Raises `ConfigError`, `LinkError`: a link cannot be opened.
-        """
+        """Open all links and serve them until cancelled; raises `ConfigError`, `LinkError`."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self.keep_time())
             for number, address in enumerate(addresses):
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Open one link and serve it until cancelled; `keep_time` must run beside.
+        """Open one link and serve it until cancelled, while `keep_time` runs.
 
-        Raises `ConfigError`, `LinkError`: it cannot be opened.
+        Raises `ConfigError` or `LinkError` if it cannot be opened.
         """
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
@@ -146,7 +140,7 @@ class Connection:
     def command_autopilot(self, message: Message) -> None:
         """Send a message to the autopilot now, past all queues, once; or not at all.
 
-        Behind other bytes it would leave when a pilot may have taken over already.
+        Queued, it could leave after a pilot has taken over.
         """
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
@@ -166,27 +160,27 @@ class Connection:
 
     @property
     def heard_on(self) -> int:
-        """The link of the frame that is being handled."""
+        """The link of the frame being handled."""
         return self._receiving or AUTOPILOT_LINK
 
     @property
     def station_present(self) -> bool:
-        """True while any ground station's heartbeats come."""
+        """Whether any ground station's heartbeats arrive."""
         return self.component.discovery.station_present(self._clock_ns())
 
     @property
     def other_station_present(self) -> bool:
-        """True while a ground station's heartbeats come that is not ours."""
+        """Whether heartbeats of a ground station that is not ours arrive."""
         return self.component.discovery.other_station_present(self._clock_ns())
 
     @property
     def autopilot_present(self) -> bool:
-        """True while the autopilot's heartbeats come."""
+        """Whether the autopilot's heartbeats arrive."""
         return self.component.discovery.autopilot_present(self._clock_ns())
 
     @property
     def clock_is_stale(self) -> bool:
-        """Whether the autopilot is heard, but its clock only carried on: it does not answer."""
+        """Whether the autopilot's clock is extrapolated, since it does not answer."""
         return self.component.clock_is_stale(self._clock_ns())
 
     @property
@@ -195,11 +189,11 @@ class Connection:
         return self.component.system_id, self.component.component_id
 
     def keep_station(self, place: tuple[int, int]) -> None:
-        """Never forget that ground station for others: it commands."""
+        """Keep the commanding station's entry even when the table is full."""
         self.component.discovery.keep(Peer(*place))
 
     def stations_silent_s(self) -> dict[tuple[int, int], float]:
-        """Get for how long each ground station was not heard, by its numbers."""
+        """Silence of each ground station, by its numbers [s]."""
         silent = self.component.discovery.silent_ns(self._clock_ns())
         return {
             peer.place: silent_ns / NANOSECONDS_PER_SECOND for peer, silent_ns in silent.items()
@@ -245,7 +239,7 @@ class Connection:
                 number != AUTOPILOT_LINK
                 and frame.component_id == MavComponent.COMP_ID_AUTOPILOT1
             ):
-                # Passed round by a ground station: late, and its clock with it.
+                # Forwarded by a ground station: late, and so is its clock.
                 self.component.counters["autopilot_elsewhere"] += 1
                 return
             self._routes.heard(Peer(frame.system_id, frame.component_id), number, now_ns)
@@ -256,7 +250,7 @@ class Connection:
             self._receiving = None
 
     def _send(self, message: Message) -> None:
-        """Send for the component: an answer where it was asked, heartbeats everywhere."""
+        """Send for the component: an answer by its question's link, heartbeats everywhere."""
         system_id = self.component.system_id
         if self._receiving is not None:
             self._ways[self._receiving].send(message, system_id)

@@ -13,14 +13,14 @@ from uavrt.mavlink.dialect import (
 from uavrt.units import ns_from_s
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
-"""Five missed heartbeats: the autopilot is lost, and another system id may take its place."""
+"""Silence after which the autopilot is lost and may be replaced [ns]: five heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
-"""Ten missed heartbeats: at 40 % loss that happens by chance once in 10 000."""
+"""Silence after which a station is lost [ns]; at 40 % loss once in 10 000 by chance."""
 MAX_STATIONS = 16
 STATION_SYSTEM_ID = 254
-"""Ours on the ground. Not 255: ArduPilot counts every heartbeat of that number (MAV_GCS_SYSID)
-as the operator's ground station, PX4 every one of type GCS. The failsafe for a lost ground
-station would not notice that the operator's own is gone while ours lives."""
+"""System id of our ground stations. Not 255: ArduPilot counts every heartbeat of that number
+(MAV_GCS_SYSID) as the operator's ground station, PX4 every one of type GCS. With ours alive,
+the failsafe for the loss of the operator's would not act."""
 GCS_SYSTEM_ID = 255
 _STATION_MARK = 0x75767274
 """``uvrt`` in the mode of a heartbeat of no particular type: one of our ground stations."""
@@ -33,7 +33,7 @@ class Peer:
     system_id: int
     component_id: int
     link: int = field(default=0, compare=False)
-    """By which of our links it was heard; the same peer may be on several."""
+    """Link on which it was received; the same peer may be on several."""
 
     @property
     def place(self) -> tuple[int, int]:
@@ -49,9 +49,9 @@ EVERYONE = Peer(0, 0)
 
 
 def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
-    """Make the heartbeat of a ground station of ours.
+    """Make the heartbeat of one of our ground stations.
 
-    `as_gcs`: of type GCS, as the original's drone side insists on.
+    `as_gcs`: of type GCS, as the original's drone side requires.
     """
     if as_gcs:
         return own_heartbeat(MavType.GCS)
@@ -70,7 +70,7 @@ def own_heartbeat(kind: int, *, custom_mode: int = 0) -> Heartbeat:
 
 
 def is_station(heartbeat: Heartbeat) -> bool:
-    """Whether a ground station sent a heartbeat: anybody's by its type, ours by its mark."""
+    """Whether a heartbeat is a ground station's: by its type, ours by its mark."""
     marked = heartbeat.type == MavType.GENERIC and heartbeat.custom_mode == _STATION_MARK
     return heartbeat.type == MavType.GCS or marked
 
@@ -78,8 +78,8 @@ def is_station(heartbeat: Heartbeat) -> bool:
 class Discovery:
     """Keeps the autopilot (first heartbeat of component 1) and every ground station.
 
-    A ground station is whoever says so by its heartbeat, whatever its numbers: QGroundControl
-    is 255/190, MAVSDK 245/190, MAVProxy 255/230, ours 254/190.
+    Ground stations are recognised by their heartbeat, whatever their numbers: QGroundControl is
+    255/190, MAVSDK 245/190, MAVProxy 255/230, ours 254/190.
     """
 
     def __init__(self) -> None:
@@ -116,13 +116,13 @@ class Discovery:
         return lost
 
     def autopilot_present(self, now_ns: int) -> bool:
-        """True while the autopilot's heartbeats come."""
+        """Whether the autopilot's heartbeats arrive."""
         if self.autopilot is None:
             return False
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Ground stations that are present; if none is, the last one heard, if any.
+        """Ground stations that are present; if none is, the last one received, if any.
 
         Heartbeats are lost more easily than a ground station; sending costs nothing.
         """
@@ -136,28 +136,28 @@ class Discovery:
         return tuple(sorted(present, key=lambda peer: peer.place))
 
     def keep(self, peer: Peer) -> None:
-        """Never forget a station for others, were it a flood of them: it commands."""
+        """Keep the commanding station's entry even when the table is full."""
         self._kept = peer
 
     def silent_ns(self, now_ns: int) -> dict[Peer, int]:
-        """Get for how long each station that is known was not heard."""
+        """Silence of each known station [ns]."""
         return {peer: now_ns - heard_ns for peer, heard_ns in self._stations.items()}
 
     @property
     def known(self) -> bool:
-        """True once any ground station was heard."""
+        """Whether any ground station was ever received."""
         return bool(self._stations)
 
     def station_present(self, now_ns: int) -> bool:
-        """True while any ground station's heartbeats come."""
+        """Whether any ground station's heartbeats arrive."""
         return any(now_ns - heard < STATION_SILENCE_NS for heard in self._stations.values())
 
     def other_station_present(self, now_ns: int) -> bool:
-        """True while a ground station is there that is not ours, such as QGroundControl."""
+        """Whether a ground station is there that is not ours, such as QGroundControl."""
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:
-        """Address for what all ground stations should get: the only one, or everyone."""
+        """Address for messages to all ground stations: the only one, or everyone."""
         stations = self.stations(now_ns)
         if not stations:
             return None

@@ -61,13 +61,13 @@ class Frame:
         return self.message_id in MESSAGES
 
     def message(self) -> Message | None:
-        """Read the message; None when the dialect does not hold it."""
+        """Read the message; None if the dialect does not have it."""
         kind = MESSAGES.get(self.message_id)
         return None if kind is None else kind.decode(self.payload)
 
 
 Sign = Callable[[bytes], bytes]
-"""Gives the signature of a frame whose flag is set (`uavrt.mavlink.signing`)."""
+"""Makes the signature of a frame whose flag is set (`uavrt.mavlink.signing`)."""
 
 
 def encode_frame(
@@ -111,11 +111,10 @@ class FrameWriter:
 
 
 class FrameParser:
-    """Cuts a stream of bytes, or datagrams, into frames; counts what is wrong.
+    """Cuts a stream of bytes, or datagrams, into frames; counts faults.
 
-    `received`: frames with a right checksum.
-    `bad_crc`: frames (or stray markers) with a wrong one.
-    `skipped_bytes`: bytes that belonged to no frame.
+    `received`: frames with a right checksum. `bad_crc`: frames (or stray markers) with a wrong
+    one. `skipped_bytes`: bytes that belonged to no frame.
     """
 
     def __init__(self) -> None:
@@ -150,7 +149,7 @@ class FrameParser:
         return frames
 
     def reset(self) -> None:
-        """Give up a half-received frame: the datagram ended or the link was opened again."""
+        """Drop a half-received frame: the datagram ended or the link was reopened."""
         self.skipped_bytes += len(self._buffer)
         self._buffer = b""
 
@@ -162,7 +161,7 @@ class FrameParser:
 
 
 def _frame_length(buffer: bytes, place: int) -> int | None:
-    """Length of the frame that starts at `place`; None while too little is known."""
+    """Length of the frame that starts at `place`; None if not enough bytes are here."""
     if place + 3 > len(buffer):
         return None
     length = buffer[place + 1]
@@ -176,10 +175,10 @@ def _next_byte(buffer: bytes, place: int) -> int | None:
 
 
 def _check(raw: bytes, following: int | None) -> Frame | None:
-    """Read a frame of the right length; None when it is none.
+    """Read a frame of the right length; None if it is none.
 
-    A message that no XML knows has no seed to check it with; it is believed when what follows
-    is the start of another frame, or nothing yet.
+    An unknown message has no seed for its checksum; it is accepted if the start of another
+    frame follows, or nothing yet.
     """
     if raw[0] == MARKER_V2:
         _, length, incompatible, _, sequence, system_id, component_id = raw[:7]

@@ -1,7 +1,7 @@
-"""What a file client may see: one directory, read-only, and a few files made in memory.
+"""Files offered to clients: one directory, read-only, and a few files made in memory.
 
-Names with ``..`` and links are refused, so that nothing outside can be reached. What is not a
-regular file or a directory is not there.
+Names with ``..`` and links are refused, so that nothing outside can be reached. Only regular
+files and directories are visible.
 """
 
 import os
@@ -27,8 +27,8 @@ class FileRefused(Exception):
 class FileTree:
     """The directory.
 
-    `root`: what clients see as ``/``; it need not exist yet.
-    `extra`: files that exist in memory only, by their path without the leading slash.
+    `root`: what clients see as ``/``; it need not exist yet. `extra`: files that exist in
+    memory only, by their path without the leading slash.
     """
 
     def __init__(self, root: str | Path, extra: Mapping[str, bytes] | None = None) -> None:
@@ -38,7 +38,7 @@ class FileTree:
     def entries(self, name: str) -> list[bytes]:
         """List a directory by name: ``F``, name, tab, size; or ``D``, name.
 
-        Raises `FileRefused`: it is none, or it cannot be read.
+        Raises `FileRefused` if it cannot be read.
         """
         parts = _parts(name)
         inside = "/".join(parts)
@@ -76,7 +76,7 @@ class FileTree:
             raise _refusal(error) from error
 
     def _inside(self, parts: list[str]) -> Path:
-        """Path of a name, if no part of it leads elsewhere."""
+        """Path of a name, unless a part of it leads outside."""
         root = Path(os.path.realpath(self.root))
         place = root.joinpath(*parts)
         if os.path.realpath(place) != str(place):

@@ -33,12 +33,12 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""After so much a client says whether it has lost anything, and so how fast the link is."""
+"""Longest burst; then a client reports its losses, which shows the link's rate."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
-"""A session that its client has forgotten is given up."""
+"""Time without use after which a session is closed [ns]."""
 GIVES_WAY_NS = ns_from_s(10.0)
-"""Sessions that were not used for so long give way to others."""
+"""Time without use after which a session may be closed for another [ns]."""
 MAX_CLIENTS = 16
 WAITING = 32
 
@@ -47,11 +47,11 @@ class Disk(Protocol):
     """Runs work that may block on the disk."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Do `job` and give `then` its result; False when too much is to be done already."""
+        """Do `job` and give `then` its result; False when too much is waiting."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """A disk that is waited for."""
+    """Run disk work inline."""
     then(job())
     return True
 
@@ -67,23 +67,23 @@ class Session:
 
 @dataclass(slots=True)
 class Burst:
-    """A part of a file that was read and leaves piece by piece."""
+    """A part of a file that was read and is sent piece by piece."""
 
     peer: Peer
     request: FtpPacket
     sequence: int
     offset: int
     data: bytes
-    """From `offset` on; shorter than asked for at the end of the file."""
+    """Bytes from `offset` on; shorter than requested at the end of the file."""
     chunk: int
     size: int = 0
-    """Of the whole burst; 0 until the first piece leaves, for it depends on the link's rate."""
+    """Size of the whole burst; 0 until the first piece is sent and the rate is known."""
     ended: bool = False
 
     def next_part(self, rate_bytes_s: float) -> FtpPacket:
         """Return the next piece."""
         if self.size == 0:
-            # Whole parts only: pymavlink takes a shorter one for the end of the file.
+            # Full parts only: pymavlink takes a shorter one for the end of the file.
             size = min(MOST_BURST_BYTES, rate_bytes_s * BURST_S)
             self.size = max(1, int(size / self.chunk)) * self.chunk
         self.sequence += 1
@@ -111,14 +111,14 @@ class Client:
     request: FtpPacket
     reply: FtpPacket | None = None
     reading: bool = False
-    """The disk has not answered yet."""
+    """Whether the disk has not answered yet."""
     data_sent_ns: int | None = None
-    """When the last data went to it, for the round trip."""
+    """Time of the last data sent to it, for the round trip [ns]."""
 
 
 @dataclass(slots=True)
 class Crc:
-    """A checksum in the making."""
+    """A checksum being computed."""
 
     peer: Peer
     request: FtpPacket
@@ -131,8 +131,7 @@ class Crc:
 class FileServer:
     """Serves a `FileTree`; a source of the paced queue.
 
-    `wake`: called when there is a new reply to send.
-    `disk`: does what touches the disk; at once by default.
+    `wake`: called when there is a new reply to send. `disk`: runs disk work; inline by default.
     """
 
     def __init__(
@@ -150,10 +149,10 @@ class FileServer:
         self.refused = 0
         self.repeated = 0
         self.left = 0
-        """Requests not taken because the disk had too much to do."""
+        """Requests refused because the disk had too much to do."""
         self.bytes_sent = 0
         self.given_up = 0
-        """Sessions that gave way to another client's."""
+        """Sessions closed in favour of another client's."""
 
     def receive(self, payload: bytes, peer: Peer, now_ns: int) -> float | None:
         """Handle a request; return the round trip since the last data, if it shows one [s]."""
@@ -218,7 +217,7 @@ class FileServer:
         )
 
     def work(self) -> None:
-        """Continue with a checksum: a megabyte at a time, about a millisecond."""
+        """Continue a checksum: a megabyte at a time, about a millisecond."""
         if not self._crcs or self._crcs[0].reading:
             return
         job = self._crcs[0]
@@ -301,7 +300,7 @@ class FileServer:
     def _on_disk(
         self, peer: Peer, request: FtpPacket, job: Callable[[], T], then: Callable[[T], None]
     ) -> bool:
-        """Do what touches the disk, and go on with what it gives or refuses."""
+        """Run disk work, and continue with its result or refusal."""
         client = self._clients.get(peer)
 
         def outcome() -> T | FileRefused:
@@ -333,12 +332,12 @@ class FileServer:
         return False
 
     def _list(self, request: FtpPacket, peer: Peer) -> None:
-        def tell(entries: list[bytes]) -> None:
+        def answer(entries: list[bytes]) -> None:
             if not entries[request.offset :]:
                 raise FileRefused(FtpError.END_OF_FILE)
             self._accept(request, peer, b"".join(fitting(entries[request.offset :])))
 
-        self._on_disk(peer, request, partial(self.tree.entries, path_of(request)), tell)
+        self._on_disk(peer, request, partial(self.tree.entries, path_of(request)), answer)
 
     def _open(self, request: FtpPacket, peer: Peer, now_ns: int) -> None:
         key = (peer, request.session)
@@ -464,10 +463,10 @@ class FileServer:
             self._disk(partial(close, session.file), _nothing)
 
     def _room_for(self, peer: Peer, now_ns: int) -> bool:
-        """Whether a client may open another file; who leaves eight open shuts nobody out.
+        """Whether a client may open another file; open files of others do not block it.
 
-        What lies idle gives way, and what another client has beyond its first; of the client
-        that has most the session not used for longest.
+        Idle sessions are closed first, then those of other clients beyond their first: of the
+        client with most, the one unused for longest.
         """
         if len(self._sessions) < MAX_SESSIONS:
             return True

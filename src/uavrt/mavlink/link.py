@@ -1,12 +1,12 @@
-"""What links of every kind share; `uavrt.mavlink.transport` opens them.
+"""Common parts of links of every kind; `uavrt.mavlink.transport` opens them.
 
-A link is opened once, loudly: what is wrong is a `LinkError` with its remedy. After that it
-mends itself: a lost serial adapter or TCP peer is tried again every second, and meanwhile
-frames to send are dropped and counted. Received frames go to one callback, at once, in the
-loop's thread. No thread, no blocking call.
+A link that cannot be opened raises a `LinkError` with its remedy. After that it recovers by
+itself: a lost serial adapter or TCP peer is tried again every second, and meanwhile frames to
+send are dropped and counted. Received frames go to one callback, at once, in the loop's thread.
+No thread, no blocking call.
 
-Nothing that comes by a wire may end the reading of it. A frame whose handler fails is counted
-and logged, here, for links of every kind and on both sides, and the next frame is read.
+No input ends the reading: a frame whose handler fails is counted and logged, and the next frame
+is read.
 """
 
 from collections.abc import Callable
@@ -21,29 +21,29 @@ log = get_logger()
 
 
 class Parser(Protocol):
-    """Cuts bytes into what its handler is called with, and counts what is none."""
+    """Cuts bytes into frames for its handler, and counts other bytes."""
 
     received: int
     bad_crc: int
     skipped_bytes: int
 
     def feed(self, data: bytes) -> list[Any]:
-        """Take bytes; give what they complete, each with its bytes as ``raw``."""
+        """Add bytes; return the frames that they complete, each with its bytes as ``raw``."""
         ...
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Drop incomplete input."""
         ...
 
 
 RETRY_S = 1.0
 MAX_PENDING = 16_384
-"""Bytes that may wait for the system to take them; more frames are dropped."""
+"""Most bytes waiting for the system; more frames are dropped."""
 
 
 @dataclass(slots=True)
 class LinkCounters:
-    """Everything counted since the link was opened."""
+    """Counts since the link was opened."""
 
     received: int = 0
     bad_crc: int = 0
@@ -53,14 +53,13 @@ class LinkCounters:
     """Frames not sent: no peer yet, link down, or the system takes no more."""
     reconnects: int = 0
     faults: int = 0
-    """Frames whose handler failed: a defect of ours, or a disk that takes no more."""
+    """Frames whose handler failed: a defect of ours, or a full disk."""
 
 
 class Link:
-    """One link; subclasses know the transport.
+    """One link; subclasses implement the transport.
 
-    `on_frame`: called with each received frame.
-    `parser`: of another protocol than MAVLink: then `on_frame` takes what it gives.
+    `on_frame`: called with each received frame. `parser`: of another protocol than MAVLink.
     """
 
     def __init__(
@@ -74,7 +73,7 @@ class Link:
         self._reconnects = 0
         self._faults = 0
         self.frame_age_ns = 0
-        """How long ago the frame that is being handed over arrived."""
+        """Time since the frame being handled arrived [ns]."""
 
     async def open(self) -> None:
         """Open it; raises `LinkError`."""
@@ -95,7 +94,7 @@ class Link:
 
     @property
     def delay_s(self) -> float:
-        """How long a frame would wait on this computer before it leaves."""
+        """Time that a frame would wait on this computer [s]."""
         return 0.0
 
     @property

@@ -1,7 +1,7 @@
-"""Metadata files that a ground station may fetch from us, made in memory.
+"""Metadata files that a ground station can fetch from us, made in memory.
 
 COMPONENT_METADATA (397) names the general file, which names the others; ground stations fetch
-them by MAVLink FTP and keep them by their checksum. Formats: general.schema.json and
+them by MAVLink FTP and cache them by their checksum. Formats: general.schema.json and
 parameter.schema.json, version 1, of MAVLink's component metadata service.
 """
 
@@ -21,7 +21,7 @@ TYPE_PARAMETER = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metadata:
-    """The files, and what COMPONENT_METADATA says about the first."""
+    """The files, and the COMPONENT_METADATA for the first."""
 
     files: Mapping[str, bytes]
     """By path, for `uavrt.mavlink.ftp_files.FileTree`."""

@@ -1,7 +1,7 @@
 """Missions and fences to and from an autopilot, by MAVLink's mission protocol. Pure.
 
-Each transfer is fed messages and the time, and gives messages to send. The vehicle asks for the
-items of an upload, and again for those that were lost; we ask for those of a download
+Each transfer is given messages and the time, and returns messages to send. The vehicle requests
+the items of an upload, and again those that were lost; we request those of a download
 (https://mavlink.io/en/services/mission.html). Nothing here starts a mission.
 """
 
@@ -17,17 +17,17 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.message import Message
 
 MOST_ITEMS = 1000
-"""Of a download: ArduPilot holds some 700, PX4 2000 without a card's full."""
+"""Most items of a download: ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""A link of 57 600 baud full of telemetry queues for some tenths of a second."""
+"""Time until a request is repeated [s]; longer than the queue of a full 57 600-baud link."""
 TRIES = 12
-"""One of 200 000 fails where a fifth is lost each way: 1 - 0.8² = 0.36."""
+"""Most tries of a request: at 20 % loss each way, 1 - 0.8² = 0.36, one of 200 000 fails."""
 SILENCE_S = 6.0
-"""ArduPilot asks for a lost item again after 1 s, PX4 after 0.25 s, for 8 and 5 s."""
+"""Longest silence in an upload [s]; PX4 repeats its requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
 """A whole transfer takes at most."""
 LAST_S = 3.0
-"""For the answer to a whole upload; where it is lost, reading back tells."""
+"""Wait for the answer to a whole upload [s]; if it is lost, reading back decides."""
 _TYPES: dict[MissionKind, int] = {
     "mission": MavMissionType.MISSION,
     "fence": MavMissionType.FENCE,
@@ -50,13 +50,11 @@ _OURS = (
 
 
 class MissionTransfer(ABC):
-    """What an upload and a download have in common.
+    """Common part of an upload and a download.
 
-    `own`: our system and component id.
-    `done`: it has ended well.
-    `fault`: why it has failed.
-    `silent`: it has failed because no answer came.
-    `counters`: what was sent again, and what was heard and not used.
+    `own`: our system and component id. `done`: it has ended well. `fault`: why it has failed.
+    `silent`: it has failed because no answer came. `counters`: repetitions, and messages not
+    used.
     """
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
@@ -76,7 +74,7 @@ class MissionTransfer(ABC):
         return self.done or self.fault is not None
 
     def receive(self, message: Message, sender: tuple[int, int], now_s: float) -> list[Message]:
-        """Handle a message; give those to send at once."""
+        """Handle a message; return those to send at once."""
         if self.over or not isinstance(message, _OURS):
             return []
         place = (message.target_system, message.target_component)
@@ -87,7 +85,7 @@ class MissionTransfer(ABC):
         return self._take(message, now_s)
 
     def due(self, now_s: float) -> list[Message]:
-        """Give what is to be sent now, for the first time or again."""
+        """Messages to be sent now, for the first time or again."""
         if self.over:
             return []
         if self._begun_s is None:
@@ -107,22 +105,22 @@ class MissionTransfer(ABC):
     @property
     @abstractmethod
     def _size(self) -> int:
-        """Items, as far as known."""
+        """Number of items, if known."""
 
     @abstractmethod
     def _take(self, message: Message, now_s: float) -> list[Message]:
-        """Use a message that is meant for this transfer."""
+        """Use a message for this transfer."""
 
     @abstractmethod
     def _again(self, now_s: float) -> list[Message]:
-        """Give what is due, for the first time or again."""
+        """Messages that are due, for the first time or again."""
 
     def _strange(self) -> list[Message]:
         self.counters["strange"] += 1
         return []
 
     def _try(self, message: Message, now_s: float, wait_s: float = RETRY_S) -> list[Message]:
-        """Send a question, or fail after many."""
+        """Send a request, or fail after `TRIES`."""
         if self._tries >= TRIES:
             self.fault = f"the autopilot did not answer in {TRIES * RETRY_S:.0f} s"
             self.silent = True
@@ -152,10 +150,7 @@ class MissionTransfer(ABC):
 
 
 class MissionUpload(MissionTransfer):
-    """Sends items; the vehicle asks for each.
-
-    `kind`, `vehicle`, `own`: as of `MissionTransfer`.
-    """
+    """Sends items as the vehicle requests them; parameters as of `MissionTransfer`."""
 
     def __init__(
         self,
@@ -168,7 +163,7 @@ class MissionUpload(MissionTransfer):
         self._items = tuple(items)
         self._asked: set[int] = set()
         self.acknowledged = False
-        """The vehicle said that it has it all; else only reading back can tell."""
+        """Whether the vehicle acknowledged all of it; else only reading back shows it."""
 
     @property
     def _size(self) -> int:
@@ -226,7 +221,7 @@ class MissionUpload(MissionTransfer):
 
 
 class MissionDownload(MissionTransfer):
-    """Asks for all items.
+    """Requests all items.
 
     `items`: those that have come.
     """
@@ -291,6 +286,6 @@ class MissionDownload(MissionTransfer):
 
 
 def homed(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
-    """Put an item for home before a mission, as ArduPilot has it; it keeps its own there."""
+    """Put an item for home before a mission, as ArduPilot requires; it keeps its own there."""
     first = (MissionItem(command=16),) if home_first else ()
     return (*first, *items)

@@ -1,4 +1,4 @@
-"""Names of the numbers that stock ground stations show and plot: NAMED_VALUE_FLOAT (251)."""
+"""Names of the values that stock ground stations show and plot: NAMED_VALUE_FLOAT (251)."""
 
 import string
 
@@ -13,8 +13,7 @@ def value_name(kind: str, tag_id: int) -> str:
     Ten bytes hold an id of six digits; a longer one stands without the underscore, to the base
     of 36 (``SNRLFLS`` is tag 1 000 000).
 
-    `kind`: three letters.
-    `tag_id`: 0 to 2**32 - 1.
+    `kind`: three letters. `tag_id`: 0 to 2**32 - 1.
     """
     if tag_id < DECIMAL_BELOW:
         return f"{kind}_{tag_id}"

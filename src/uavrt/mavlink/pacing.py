@@ -1,11 +1,11 @@
-"""Sending no faster than an autopilot forwards and a radio carries.
+"""Sending no faster than an autopilot forwards and a radio carries. Pure.
 
-PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main
-loop; what does not fit is dropped without a word. Three tunnel
-messages fit, so those meant for the ground leave one at a time, a gap apart. Pure.
+PX4 keeps forwarded messages in a ring of 583 bytes and takes out one per pass of its main loop;
+what does not fit is dropped silently. Three tunnel messages fit, so those for the ground leave
+one at a time, a gap apart.
 
-What is urgent is queued here. Pulses and files are many and are kept by their own sources,
-which are asked for the next message when there is room for one.
+Urgent messages are queued here. Pulses and files stay with their own sources, which are asked
+for the next message when there is room for one.
 """
 
 from collections import deque
@@ -20,33 +20,31 @@ from uavrt.messages import TunnelPayload
 from uavrt.units import ns_from_s
 
 MIN_GAP_S = 0.012
-"""A ``-r 1200`` serial link of PX4 has a pass of 8.33 ms; 12 ms lost nothing there."""
+"""Shortest gap through an autopilot [s]; PX4's pass on a ``-r 1200`` serial link is 8.33 ms."""
 STRAIGHT_GAP_S = 0.001
-"""On a link without an autopilot between; bursts of more than 200 datagrams overran a
-socket."""
+"""Shortest gap without an autopilot between [s]; bursts of 200 datagrams overran a socket."""
 HEADER_BYTES = 12
 
 
 class Priority(IntEnum):
-    """Who goes first."""
+    """Order of sending."""
 
     ACK = 0
     STATUS = 1
     PULSE = 2
     VALUE = 3
     OTHER = 4
-    """Answers to who does not command."""
+    """Answers to stations that do not command."""
     FILE = 5
 
 
 CAPACITY = {Priority.ACK: 64, Priority.STATUS: 64, Priority.OTHER: 32}
-"""Messages that may wait."""
+"""Most messages that may wait."""
 URGENT = (Priority.ACK, Priority.STATUS)
 ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
-"""The longest frames of what comes after pulses: it goes only when a pulse may follow at once,
-not into the debt of the bucket that the next pulse would have to wait for."""
+"""Room that lower priorities leave, so that a pulse can follow: the longest frames."""
 OTHER_PATIENCE_NS = ns_from_s(2.0)
-"""However many pulses there are, whoever asked hears something."""
+"""Longest wait of other stations' answers behind pulses [ns]."""
 
 
 Item = TunnelPayload | Message
@@ -56,7 +54,7 @@ class Source(Protocol):
     """Keeps messages of its own and gives them one by one."""
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until it has one; None when it has none."""
+        """Time until it has one [ns]; None without any."""
 
     def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
         """Return one."""
@@ -64,7 +62,7 @@ class Source(Protocol):
 
 @dataclass(slots=True)
 class PacingCounters:
-    """What went through the queue."""
+    """Counts of messages through the queue."""
 
     released: int = 0
     dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
@@ -73,13 +71,12 @@ class PacingCounters:
 class PacedQueue:
     """Bounded queues by priority, and sources, from which one message may leave per gap.
 
-    When a queue is full its oldest message is dropped and counted: a status that is a minute
-    old serves nobody, and an acknowledgement is asked for again.
+    When a queue is full its oldest message is dropped and counted: an old status is useless,
+    and an acknowledgement is requested again.
 
-    `gap_s`: time between two messages; at least 0.012 s.
-    `rate`: bytes a second that the way takes.
-    `straight`: no autopilot is on the way: then the gap may be as short as 0.001 s.
-    Raises `ConfigError`: the gap is below the floor.
+    `gap_s`: time between two messages; at least 0.012 s. `rate`: bytes a second of the link.
+    `straight`: without an autopilot between, the gap may be as short as 0.001 s. Raises
+    `ConfigError` for a shorter gap.
     """
 
     def __init__(
@@ -99,14 +96,14 @@ class PacedQueue:
         self._other_since_ns: int | None = None
         self.rate = rate or LinkRate()
         self.frame_extra_bytes = 0
-        """What each frame has besides, as a signature's 13."""
+        """Additional bytes of each frame, as a signature's 13."""
         self.counters = PacingCounters()
 
     def __len__(self) -> int:
         return sum(map(len, self._queues.values()))
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Ask `source` for messages of that priority."""
+        """Take messages of that priority from `source`."""
         self._sources[priority] = source
         self._sources = dict(sorted(self._sources.items()))
 
@@ -119,7 +116,7 @@ class PacedQueue:
         queue.append(item)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a message may leave; None when none waits."""
+        """Time until a message may leave [ns]; None when none waits."""
         gap_ns = 0 if self._free_ns is None else max(0, self._free_ns - now_ns)
         if self._urgent(now_ns) is not None:
             return gap_ns
@@ -154,7 +151,7 @@ class PacedQueue:
             return None
         if queue is self._queues[Priority.OTHER]:
             self._other_since_ns = None
-        # A late wake-up is made up for, so that the mean gap holds on a busy computer.
+        # Catch up after a late wake-up, so that the mean gap holds on a busy computer.
         due_ns = now_ns if self._free_ns is None else max(self._free_ns, now_ns - self._gap_ns)
         self._free_ns = max(due_ns + self._gap_ns, now_ns + self._floor_ns)
         self.counters.released += 1

@@ -1,7 +1,4 @@
-"""Read and set the autopilot's parameters over a link of our own, by MAVLink.
-
-For setting up, not for flight: it opens the link itself.
-"""
+"""Read and set the autopilot's parameters over an own link; for set-up, not for flight."""
 
 import asyncio
 import contextlib
@@ -20,8 +17,7 @@ from uavrt.mavlink.transport import open_link
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
-"""PX4 and ArduPilot answer within a main loop; a 57 600-baud link with full telemetry queues
-for some tenths of a second."""
+"""Longest wait for an answer [s]; longer than the queue of a full 57 600-baud link."""
 TRIES = 4
 REQUEST_GAP_S = 0.03
 OWN_COMPONENT = 191
@@ -30,9 +26,7 @@ OWN_COMPONENT = 191
 class ParameterClient:
     """A conversation with the autopilot; see `connected`.
 
-    `autopilot`: whom we talk to.
-    `kind`: MAV_AUTOPILOT of its heartbeat.
-    `armed`: whether its motors may turn.
+    `kind`: MAV_AUTOPILOT of its heartbeat. `armed`: whether its motors may turn.
     """
 
     def __init__(self) -> None:
@@ -51,10 +45,7 @@ class ParameterClient:
     async def connected(
         cls, address: str | Address, timeout_s: float
     ) -> AsyncIterator["ParameterClient"]:
-        """Open the link and wait for the autopilot.
-
-        Raises `LinkError`: the link cannot be opened, or no autopilot is heard.
-        """
+        """Open the link and wait for the autopilot; raises `LinkError` if that fails."""
         client = cls()
         client._link = await open_link(address, client._receive)
         beating = asyncio.create_task(client._beat())
@@ -81,7 +72,7 @@ class ParameterClient:
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Get the values of parameters; None for what is not answered: there is none."""
+        """Get the values of parameters; None if not answered, as for unknown ones."""
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):
@@ -102,10 +93,7 @@ class ParameterClient:
         return values
 
     async def write(self, name: str, value: float) -> float | None:
-        """Set a parameter that was read before; return the value that it has then.
-
-        None when it does not answer.
-        """
+        """Set a parameter that was read before; return its value, None without an answer."""
         assert self.autopilot is not None
         kind = self._types.get(name, MavParamType.REAL32)
         request = dialect.ParamSet(
@@ -129,7 +117,7 @@ class ParameterClient:
         return None
 
     async def _beat(self) -> None:
-        """Be heard: an autopilot learns by this where we are."""
+        """Send a heartbeat, so that an autopilot learns our address."""
         while True:
             self._send(own_heartbeat(MavType.ONBOARD_CONTROLLER))
             await asyncio.sleep(HEARTBEAT_S)

@@ -1,8 +1,8 @@
 """Our parameters for ground stations: list, read, set (MAVLink's parameter protocol). Pure.
 
 A value travels in a field of type float. A whole number is either cast to float (ArduPilot) or
-its bytes are put there as they are (PX4); which, a component says by its capability bits, and
-ground stations assume it by the kind of the vehicle's autopilot.
+its bytes are put there (PX4); a component declares it by its capability bits, and ground
+stations assume it by the vehicle's autopilot.
 """
 
 import math
@@ -27,7 +27,7 @@ _FORMATS: dict[int, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A parameter that somebody wants to change."""
+    """A requested change of a parameter."""
 
     name: str
     value: float
@@ -53,10 +53,10 @@ class ParameterServer:
         self._bytewise = bytewise
 
     def receive(self, message: Requests) -> list[dialect.ParamValue] | Wish:
-        """Handle a request; return the answers, or what is wanted to change.
+        """Handle a request; return the answers, or the requested change.
 
-        A name or index that is not ours is left without an answer: a request to all components
-        may mean the autopilot's.
+        An unknown name or index is not answered: a request to all components may mean the
+        autopilot's.
         """
         match message:
             case dialect.ParamRequestList():
@@ -72,7 +72,7 @@ class ParameterServer:
                 return []
 
     def value(self, name: str) -> dialect.ParamValue:
-        """Describe what is in force."""
+        """Describe the value in force."""
         kind = self._types[name]
         return dialect.ParamValue(
             param_id=name,

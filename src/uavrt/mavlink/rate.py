@@ -2,7 +2,7 @@
 
 A token bucket whose rate follows what is known of the link:
 
-- RADIO_STATUS (PX4 passes it on) tells how much of the radio's buffer is free.
+- RADIO_STATUS (PX4 passes it on) gives the free part of the radio's buffer.
 - Without it (ArduPilot keeps it to itself), acknowledgements do: while their round trip stays
   near its least mean the link is not full, and the rate grows; when a queue makes it longer,
   the rate falls. Loss says nothing: on a radio most of it is noise.
@@ -19,17 +19,16 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 START_BYTES_S = 1200.0
 LEAST_BYTES_S = 300.0
 MOST_BYTES_S = 3000.0
-"""By RADIO_STATUS: a SiK radio at AIR_SPEED 64 carries 3167 B/s each way when both are busy."""
+"""Highest rate by RADIO_STATUS [B/s]; SiK at AIR_SPEED 64 carries 3167 each way when busy."""
 MOST_BY_ACKS_BYTES_S = 24_000.0
 PLAIN_BYTES_S = 2000.0
-"""Of 3167 B/s at AIR_SPEED 64, what 1 kB/s of the autopilot's telemetry leaves: about 15
-pulses a second."""
+"""Rate without any report [B/s]: 3167 of AIR_SPEED 64, less 1 kB/s of telemetry; 15 pulses."""
 FRAME_OVERHEAD = 17
 """Bytes of a TUNNEL frame besides its payload: 12 of MAVLink 2, 5 of TUNNEL."""
 BURST_BYTES = 300.0
 DEBT_BYTES = 1000.0
 PULSE_WAIT_S = 0.005
-"""Where a link is fast, the timers are coarser than the gaps in the bucket."""
+"""Longest wait of a pulse behind other messages [s]; timers are coarser on fast links."""
 RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
@@ -37,20 +36,20 @@ BASE_WINDOW = 240
 """Rounds whose least mean round trip counts as that of an empty link: a minute."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
-"""A SiK radio's whole buffer is 1850 B, 0.6 s of it."""
+"""Queueing delay at which the rate is lowered [s]; a SiK radio's buffer is 1850 B, 0.6 s."""
 MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """What a kind of link can be expected to take [bytes/s]."""
+    """Expected rates of a kind of link [bytes/s]."""
 
     start: float = START_BYTES_S
     least: float = LEAST_BYTES_S
     most: float = MOST_BY_ACKS_BYTES_S
     plain: float = PLAIN_BYTES_S
-    """Where nobody tells."""
+    """Rate without any report."""
 
 
 RADIO = Reach()
@@ -76,10 +75,10 @@ class LinkRate:
         self._round_ns = 0
         self._held_back = False
         self._quick = True
-        """Nothing has been queued yet: the link may be a fast one."""
+        """Whether nothing has been queued yet: the link may be a fast one."""
 
     def bytes_s(self, now_ns: int) -> float:
-        """Rate now."""
+        """Present rate [bytes/s]."""
         if self._fresh(self._radio_ns, RADIO_FRESH_NS, now_ns):
             return min(self._rate, MOST_BYTES_S)
         if self._fresh(self._acks_ns, ACKS_FRESH_NS, now_ns):
@@ -124,10 +123,10 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until something that is not urgent may go.
+        """Time until a message that is not urgent may go [ns].
 
-        `room_bytes`: as much that a pulse after it waits for at most `PULSE_WAIT_S`; at most
-        `BURST_BYTES`.
+        `room_bytes`: leaves room for a pulse after it, which then waits for at most
+        `PULSE_WAIT_S`; at most `BURST_BYTES`.
         """
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
@@ -138,7 +137,7 @@ class LinkRate:
         return ns_from_s(lacking / rate) + 1
 
     def spend(self, size: int, now_ns: int) -> None:
-        """Something of `size` bytes goes."""
+        """Count `size` bytes that go."""
         self._fill(now_ns)
         self._tokens = max(-DEBT_BYTES, self._tokens - size)
 

@@ -1,8 +1,8 @@
 """Choose the link to each peer. Pure.
 
-Link 0 is the way to the autopilot and through it, by its radio, to the ground; the others lead
-straight to ground stations, by Wi-Fi or cable. They are faster and reach less far, so a ground
-station is spoken to over the first straight link on which it is heard, and over link 0 else.
+Link 0 leads to the autopilot and through it, by its radio, to the ground; the others lead
+directly to ground stations, by Wi-Fi or cable. They are faster and reach less far, so a ground
+station is reached over the first of them on which it is received, and else over link 0.
 """
 
 from collections import OrderedDict
@@ -12,20 +12,20 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.units import ns_from_s
 
 FRESH_NS = ns_from_s(1.5)
-"""Silence after which another link is taken. A ground station sends a heartbeat a second, so
-one may be lost, and what is sent again then is there within the 2 s of a failover."""
+"""Silence after which another link is used [ns]. A ground station sends a heartbeat a second,
+so one may be lost, and repetitions still arrive within the 2 s of a failover."""
 STEADY_NS = ns_from_s(3.0)
-"""How long a link must have been heard without such a silence to be taken in place of one that
-works: at the edge of its reach it comes and goes."""
+"""Time without such a silence before a link replaces a working one [ns]. At the edge of its
+range it comes and goes."""
 DOUBT_NS = ns_from_s(10.0)
-"""How long a link is avoided on which we hear and are not heard."""
+"""Time for which a link is avoided on which we receive and are not received [ns]."""
 MAX_PEERS = 64
 
 
 class Routes:
-    """Remembers on which links each peer was heard.
+    """Keeps on which links each peer was received.
 
-    `links`: how many links there are.
+    `links`: number of links.
     """
 
     def __init__(self, links: int) -> None:
@@ -34,7 +34,7 @@ class Routes:
         self._doubted_until: dict[int, int] = {}
 
     def heard(self, peer: Peer, link: int, now_ns: int) -> None:
-        """A frame of `peer` has come by `link`."""
+        """Note that a frame of `peer` has come by `link`."""
         links = self._heard.setdefault(peer, {})
         since_ns, last_ns = links.get(link, (now_ns, now_ns))
         links[link] = (since_ns if now_ns - last_ns < FRESH_NS else now_ns, now_ns)
@@ -43,11 +43,11 @@ class Routes:
             self._heard.popitem(last=False)
 
     def doubt(self, link: int, now_ns: int) -> None:
-        """Note that nothing sent over `link` is answered, though the peer is heard."""
+        """Note that nothing sent over `link` is answered, though the peer is received."""
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
-        """Link over which to speak to a peer; the last one heard when all are silent."""
+        """Link to a peer; the last one received when all are silent."""
         links = self._heard.get(peer)
         if not links:
             return 0

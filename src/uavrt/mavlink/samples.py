@@ -6,7 +6,7 @@ from uavrt.mavlink.dialect import AttitudeQuaternion, GlobalPositionInt
 from uavrt.messages import AttitudeSample, PositionSample
 
 NORM_TOLERANCE = 0.01
-"""A quaternion in float32 has norm 1 within 1e-6; this far off it is none."""
+"""Largest deviation of a quaternion's norm from 1; float32 keeps 1e-6."""
 
 
 def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample | None:
@@ -22,7 +22,7 @@ def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample
 def is_place(latitude_1e7: int, longitude_1e7: int) -> bool:
     """Whether a latitude and longitude [1e-7 deg] are a place on the globe.
 
-    Latitude 0, longitude 0 to the last digit is none: ArduPilot sends it before it has a fix.
+    Latitude 0, longitude 0 is none: ArduPilot sends it before it has a fix.
     """
     on_globe = abs(latitude_1e7) <= 900_000_000 and abs(longitude_1e7) <= 1_800_000_000
     return on_globe and (latitude_1e7 != 0 or longitude_1e7 != 0)

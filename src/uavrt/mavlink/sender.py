@@ -24,20 +24,19 @@ log = get_logger()
 TICK_S = 0.05
 TUNNEL_SIZE = 128
 COPIES = 256
-"""Pulses that may wait for another link besides their own."""
+"""Most pulses that may wait for another link."""
 UNSENT = 64
-"""Messages for all kept until a first ground station is there. They must not stand in the queue
-meanwhile: a file client is no ground station, and its replies go behind them."""
+"""Messages for all kept until a first ground station is there. In the queue they would delay
+replies to file clients, which are no ground stations."""
 
 
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `target`: gives the address of all ground stations, or None while there is none.
-    `gap_s`: time between two messages, at least 0.012 s.
-    `straight`: no autopilot is on the way: quick, and with the shortest gap.
-    `frame_extra_bytes`: what each frame has besides, as a signature.
-    `may_send`: whether the own system number is known; messages wait until it is.
+    `target`: gives the address of all ground stations, or None while there is none. `gap_s`:
+    time between two messages, at least 0.012 s. `straight`: no autopilot between: quick, and
+    with the shortest gap. `frame_extra_bytes`: of each frame, as a signature. `may_send`:
+    whether the own system number is known; messages wait until it is.
     """
 
     def __init__(
@@ -101,15 +100,15 @@ class PacedSender:
             self._cancel_timer()
 
     def wake(self) -> None:
-        """Look again: a source has something, or may send sooner."""
+        """Check the sources again: one has a message, or may send sooner."""
         if self._loop is not None:
             self._pump()
 
     def _pump(self) -> None:
         """Send what may go now; come back when the next may.
 
-        By timers of the loop and not by a task: at 200 messages a second a task's wake-ups
-        cost more than the messages.
+        By timers of the loop, not by a task: at 200 messages a second a task's wake-ups cost
+        more than the messages.
         """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
@@ -144,9 +143,7 @@ class PacedSender:
 class OnLink:
     """A source as one of several links sees it: only the link in use takes from it.
 
-    `source`: what all of them share.
-    `link`: number of the link.
-    `group`: knows the link in use.
+    `source`: shared by all links. `link`: number of the link. `group`: gives the link in use.
     `views`: those of all links, this one among them.
     """
 
@@ -157,7 +154,7 @@ class OnLink:
         self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """A source's: time until it has one; None when it has none."""
+        """A source's: time until it has one [ns]; None without any."""
         if self._copies:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
@@ -188,12 +185,11 @@ class OnLink:
 class TunnelSender:
     """Sends messages for the ground, each over the right link.
 
-    An answer leaves by the link that its question came by; what is for all ground stations by
-    as few links as reach all of them (`uavrt.mavlink.routes`), so that nobody gets it twice.
+    An answer leaves by its question's link; messages to all ground stations by the fewest links
+    that reach all of them (`uavrt.mavlink.routes`), so that each gets them once.
 
-    `senders`: those of the links, link 0 first.
-    `routes`: which link leads to whom.
-    `discovery`: who is there.
+    `senders`: those of the links, link 0 first. `routes`: links to each peer. `discovery`:
+    peers present.
     """
 
     def __init__(
@@ -247,7 +243,7 @@ class TunnelSender:
     ) -> None:
         """Queue a tunnel payload; without a target it goes to all ground stations.
 
-        Raises `TunnelError`: it is longer than 128 bytes.
+        Raises `TunnelError` if it is longer than 128 bytes.
         """
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
@@ -261,7 +257,7 @@ class TunnelSender:
     def send_message(
         self, message: Message, priority: Priority = Priority.STATUS, link: int | None = None
     ) -> None:
-        """Queue any message for the ground, or for whoever is on one link."""
+        """Queue any message for the ground, or for all peers on one link."""
         if link is None:
             self._put(message, priority)
         else:
@@ -274,7 +270,7 @@ class TunnelSender:
             self._put(chunk, Priority.STATUS)
 
     def wake(self) -> None:
-        """Look again: a source has something, or may send sooner."""
+        """Check the sources again: one has a message, or may send sooner."""
         for sender in self._senders:
             sender.wake()
 
@@ -299,13 +295,13 @@ class TunnelSender:
         self._routes.doubt(self.link, now_ns)
 
     def links_for(self, place: tuple[int, int] | None, now_ns: int) -> tuple[int, ...]:
-        """Links by which a pulse for one ground station, or for all (None), is to go."""
+        """Links for a pulse to one ground station, or to all (None)."""
         if place is None:
             return self._links
         return (self._routes.link_to(Peer(*place), now_ns),)
 
     def wake_link(self, link: int) -> None:
-        """Look again at one link."""
+        """Check one link again."""
         self._senders[link].wake()
 
     def counters(self) -> dict[str, float]:

@@ -5,7 +5,7 @@ A signed frame has the flag 0x01 in its incompatibility byte and ends with 13 by
     link id (1) | time (6): 10 µs since 2015-01-01 | first 6 bytes of SHA-256 of
                             key (32), the frame up to here
 
-Times of one sender's link rise strictly; what does not is somebody's repetition. The first of a
+Times of one sender's link rise strictly; other frames are replays. The first of a
 stream may be at most a minute behind our own time, or behind the newest that was ever taken.
 The newest times outlive the process (`SigningTimes`).
 
@@ -29,7 +29,7 @@ from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 Unsigned = Literal["none", "autopilot", "all"]
-"""Whose unsigned frames are taken: nobody's, the autopilot's own telemetry, everybody's."""
+"""Senders whose unsigned frames are accepted: none, the autopilot's telemetry, all."""
 
 KEY_SIZE = 32
 HASH_SIZE = 6
@@ -37,7 +37,7 @@ EPOCH_S = 1_420_070_400
 """2015-01-01 UTC."""
 TICK_NS = 10_000
 BEHIND_TICKS = 6_000_000
-"""A minute."""
+"""Largest age of a stream's first frame, a minute [10 µs]."""
 MAX_STREAMS = 64
 COMMANDING = frozenset(
     {
@@ -48,7 +48,7 @@ COMMANDING = frozenset(
         dialect.FileTransferProtocol.ID,
     }
 )
-"""Never taken unsigned under ``autopilot``: anyone on the radio can claim to be component 1."""
+"""Messages never accepted unsigned under ``autopilot``: anyone can claim to be component 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +64,15 @@ class SigningKey:
 def read_signing_key(path: str | Path) -> SigningKey:
     """Read a key: 64 hexadecimal digits in a file.
 
-    MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256:
-    ``printf %s PASSPHRASE | sha256sum | cut -c-64``.
-
-    Raises `ConfigError`: there is none, or others may read it.
+    MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256: ``printf %s
+    PASSPHRASE | sha256sum | cut -c-64``. Raises `ConfigError` if there is none, or others may
+    read it.
     """
     return SigningKey(read_key_file(path, "signing key", least=KEY_SIZE, most=KEY_SIZE))
 
 
 def signing_from(settings: MavlinkSettings, clock_ns: Callable[[], int]) -> "Signing | None":
-    """Make what the settings ask for; raises `ConfigError` when the key cannot be read."""
+    """Make the signing of the settings; raises `ConfigError` when the key cannot be read."""
     if settings.signing_key_file is None:
         return None
     key = read_signing_key(settings.signing_key_file)
@@ -85,18 +84,16 @@ class SigningTimes:
     """The newest accepted times [10 µs since 2015]."""
 
     newest: int
-    """Of all, and of our own."""
+    """Newest of all, and of our own."""
     streams: tuple[tuple[int, int, int, int], ...] = ()
     """System id, component id, link id and time of each stream."""
 
 
 class Signing:
-    """Signs what we send and judges what comes; one for all links of a component.
+    """Signs frames and checks received ones; one for all links of a component.
 
-    `key`: the shared secret.
-    `clock_ns`: time now [ns, UTC].
-    `unsigned`: whose unsigned frames are taken. RADIO_STATUS always is: radios cannot sign.
-    `counters`: what was refused, by reason.
+    `clock_ns`: time now [ns, UTC]. `unsigned`: senders whose unsigned frames are accepted.
+    RADIO_STATUS always is: radios cannot sign. `counters`: refused frames, by reason.
     """
 
     def __init__(
@@ -110,12 +107,12 @@ class Signing:
         self.counters: Counter[str] = Counter()
 
     def times(self) -> SigningTimes:
-        """Get what is to be remembered over a restart."""
+        """Times to be stored over a restart."""
         streams = tuple((*stream, ticks) for stream, ticks in self._streams.items())
         return SigningTimes(newest=self._last_ticks, streams=streams)
 
     def remember(self, times: SigningTimes, *, behind_s: float) -> None:
-        """Take what was remembered; it may be `behind_s` behind what was taken."""
+        """Restore stored times; they may be `behind_s` behind the latest."""
         behind = round(behind_s * NANOSECONDS_PER_SECOND / TICK_NS)
         self._last_ticks = max(self._last_ticks, times.newest)
         for system_id, component_id, link_id, ticks in times.streams:
@@ -128,7 +125,7 @@ class Signing:
         return tail + self._hash(frame + tail)
 
     def accepts(self, frame: Frame) -> bool:
-        """Judge a frame; a refused one is counted."""
+        """Check a frame; a refused one is counted."""
         reason = (
             self._fault_of_signed(frame) if frame.signed else self._fault_of_unsigned(frame)
         )
@@ -149,7 +146,7 @@ class Signing:
         self._streams.move_to_end(stream)
         if len(self._streams) > MAX_STREAMS:
             self._streams.popitem(last=False)
-        # A computer without a battery-backed clock learns the time from those who know it.
+        # A computer without a battery-backed clock gets the time from other senders.
         self._last_ticks = max(self._last_ticks, ticks)
         return None
 

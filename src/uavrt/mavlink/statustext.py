@@ -11,7 +11,7 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""400 bytes: more would hold the radio for a second."""
+"""Most pieces: 400 bytes; more would block the radio for a second."""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
@@ -44,7 +44,7 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
 
 
 class TextLimiter:
-    """Which texts go out: ten at once, then one every two seconds, none again within 10 s.
+    """Limits texts: ten at once, then one every two seconds, none again within 10 s.
 
     A fault that repeats must not fill the radio link. Alerts, critical or worse, always go.
     """
@@ -80,7 +80,7 @@ class TextLimiter:
 
 
 class TextAssembler:
-    """Puts pieces of texts together; a missing piece becomes an ellipsis.
+    """Joins pieces of texts; a missing piece becomes an ellipsis.
 
     A text is given when its last piece is there or when another text of the same sender begins.
     """
@@ -89,7 +89,7 @@ class TextAssembler:
         self._parts: dict[tuple[int, int], tuple[int, int, dict[int, str]]] = {}
 
     def add(self, sender: tuple[int, int], message: Statustext) -> list[tuple[int, str]]:
-        """Handle a message; return the texts that are now whole, as (severity, text)."""
+        """Handle a message; return the texts that are now complete, as (severity, text)."""
         done: list[tuple[int, str]] = []
         open_text = self._parts.get(sender)
         if open_text is not None and open_text[0] != message.id:

@@ -27,12 +27,11 @@ READ_SIZE = 4096
 BITS_PER_BYTE = 10
 """On a serial line, start and stop bit included."""
 SERIAL_PENDING = 2048
-"""Bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
+"""Most bytes waiting for a serial port: 0.36 s at 57 600 baud."""
 SIOCOUTQ = 0x5411
-"""Linux: how many bytes of a TCP connection the other side has not acknowledged."""
+"""Linux: number of unacknowledged bytes of a TCP connection."""
 UNACKNOWLEDGED_MS = 3000
-"""Bytes that wait longer end a TCP connection and are lost with it: what came later would no
-longer be so."""
+"""Wait of unacknowledged bytes that ends a TCP connection [ms]; later data would be stale."""
 MOST_WRITES = 1024
 
 
@@ -47,7 +46,7 @@ class TcpLink(Link):
         self._task: asyncio.Task[None] | None = None
         self._written = 0
         self._writes: deque[tuple[int, float]] = deque(maxlen=MOST_WRITES)
-        """Bytes before each frame that may not be acknowledged yet, and when it was written."""
+        """Bytes before each frame that may be unacknowledged, and when it was written."""
 
     async def open(self) -> None:
         """Connect, then keep connected."""
@@ -106,10 +105,7 @@ class TcpLink(Link):
 
     @property
     def delay_s(self) -> float:
-        """So long the oldest byte has waited that the other side has not acknowledged.
-
-        Without end where the system takes no more.
-        """
+        """Wait of the oldest unacknowledged byte [s]; infinite if the system takes no more."""
         writer = self._writer
         if writer is None:
             return 0.0
@@ -149,7 +145,7 @@ class SerialLink(Link):
         self._retry: asyncio.TimerHandle | None = None
 
     async def open(self) -> None:
-        """Open the port for ourselves alone."""
+        """Open the port exclusively."""
         try:
             self._open()
         except (OSError, ValueError) as error:
@@ -213,7 +209,7 @@ class SerialLink(Link):
 
     @property
     def delay_s(self) -> float:
-        """By the port's rate, what the system holds included."""
+        """Wait by the port's rate, with the bytes in the system [s]."""
         held = len(self._pending)
         if self._port is not None:
             with suppress(OSError):
@@ -246,14 +242,14 @@ class SerialLink(Link):
 
 
 def _unacknowledged(connected: socket.socket) -> int:
-    """How many bytes wait in the system or on their way; 0 where it does not tell."""
+    """Bytes waiting in the system or on their way; 0 if it does not report them."""
     if sys.platform != "linux":
         return 0
     import fcntl
 
     with suppress(OSError, ValueError):
-        told: int = struct.unpack("i", fcntl.ioctl(connected, SIOCOUTQ, bytes(4)))[0]
-        return told
+        unacknowledged: int = struct.unpack("i", fcntl.ioctl(connected, SIOCOUTQ, bytes(4)))[0]
+        return unacknowledged
     return 0
 
 

@@ -1,8 +1,8 @@
-"""Asking the autopilot for messages at our rates. Pure.
+"""Requests messages from the autopilot at our rates. Pure.
 
-PX4 streams most of them unasked, ArduPilot nothing. One request is on
-the way at a time, because the acknowledgement does not say which message it is for. A stream
-that stays away for 3 s is asked for again, so a restarted autopilot needs no special case.
+PX4 streams most of them unasked, ArduPilot nothing. One request is on the way at a time,
+because the acknowledgement does not name the message. A stream that is silent for 3 s is
+requested again, so a restarted autopilot needs no special case.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class _Stream:
 
 
 class StreamRequests:
-    """Which messages we want at which rate, and the state of each request.
+    """Requested messages, their rates, and the state of each request.
 
     `rates_hz`: rate for each message id.
     """
@@ -43,7 +43,7 @@ class StreamRequests:
         self.refusals = 0
 
     def restart(self, now_ns: int) -> None:
-        """Ask for everything: the autopilot is new or was started again."""
+        """Request everything again: the autopilot is new or was restarted."""
         self._waiting = None
         for stream in self._streams.values():
             stream.wanted, stream.tries, stream.heard_ns = True, 0, now_ns

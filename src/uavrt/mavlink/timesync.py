@@ -1,8 +1,8 @@
 """The autopilot's boot clock on our clock.
 
 TIMESYNC round trips give points (boot time, our time); a straight line through the best of them
-gives offset and skew. Where no answers come, the messages themselves bound the offset from one
-side: none arrives before it was sent. Pure: no clock is read here.
+gives offset and skew. Without answers, the messages themselves bound the offset from one side:
+none arrives before it was sent. Pure: no clock is read here.
 """
 
 import math
@@ -12,20 +12,20 @@ from dataclasses import dataclass
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_SKEW = 0.025
-"""PX4 1.17 in simulation runs 11 000 to 20 000 ppm slow; crystals are within 100 ppm."""
+"""Largest skew; PX4 1.17 in simulation runs 11 000 to 20 000 ppm slow."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
-"""Over so long even a slow link's trips tell the skew."""
+"""Span of round trips from which even a slow link's show the skew [s]."""
 CLEAR_SPAN_S = 0.5
 CLEAR_SKEW = 0.002
-"""Error of the skew that is no harm before that: 2 ms in the second until the next answer."""
+"""Error of the skew that is harmless before that: 2 ms in the second until the next answer."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""How long messages are watched before their least delay is believed."""
+"""Time for which messages are collected before their least delay is used [ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
-"""What is older no longer bounds the offset: the clocks have parted since."""
+"""Seconds of messages that bound the offset; the clocks part over longer times."""
 STALE_NS = ns_from_s(10.0)
-"""A line without an answer for so long is carried on, and times by it are marked."""
+"""Age of the last answer above which the line is extrapolated and times are marked [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +41,14 @@ class RoundTrip:
 class TimeSync:
     """Maps boot time to our time by a line through the shortest round trips of a window.
 
-    A message that waited in a queue waited on one of its two ways only, so its midpoint is
-    off by up to half its round trip; the shortest trips waited least. A jump of the boot clock
-    that no delay can explain, or its fall, starts the window anew: the autopilot was started
-    again.
+    A message that waited in a queue did so in one direction only, so its midpoint is off by up
+    to half its round trip; the shortest trips waited least. A jump of the boot clock that no
+    delay can explain, or its fall, restarts the window: the autopilot was restarted.
 
-    `window_s`: how long a round trip counts.
-    `keep`: share of the shortest round trips of each 2 s that the line is put through: of one a
-    second, 30 % in all.
-    `jump_s`: error that means another clock, beyond what the round trips and an unknown skew
-    allow; in two answers one after the other, if it is less than a second.
+    `window_s`: how long a round trip counts. `keep`: share of the shortest round trips of each
+    2 s used for the line: of one a second, 30 % in all. `jump_s`: error that means another
+    clock, beyond what the round trips and an unknown skew allow; in two consecutive answers, if
+    it is less than a second.
     """
 
     def __init__(
@@ -62,30 +60,30 @@ class TimeSync:
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
         self._skew = 0.0
-        """As last fitted. It outlives a restart, as the crystal does."""
+        """Skew as last fitted; kept over a restart, as the crystal is the same."""
         self._tilted = False
-        """The skew of the line was fitted."""
+        """Whether the skew of the line was fitted."""
         self._uncertain_ns = 0
-        """Half the round trip of the middle one of the answers that the line is put through."""
+        """Half the median round trip of the answers used for the line [ns]."""
         self._suspect: RoundTrip | None = None
         """Answer that only another clock explains; the next clear one decides."""
         self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
         """Arrival and offset of the quickest message of each second."""
         self._one_way_bin_ns = 0
         self.round_trips = 0
-        """Answers taken since the start."""
+        """Number of answers since the start."""
         self.residual_s: float | None = None
-        """Root mean square distance of the trips that the line was put through."""
+        """Root mean square distance of the trips used for the line [s]."""
         self.resets = 0
 
     @property
     def synchronized(self) -> bool:
-        """True once a round trip is known."""
+        """Whether a round trip is known."""
         return self._line is not None
 
     @property
     def skew_ppm(self) -> float:
-        """How much faster our clock runs than the autopilot's."""
+        """Rate of our clock over the autopilot's, minus one [ppm]."""
         return 0.0 if self._line is None else self._line[2] * 1e6
 
     @property
@@ -96,7 +94,7 @@ class TimeSync:
         return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
 
     def reset(self) -> None:
-        """Forget all but the skew: the boot clock started again, of the same crystal."""
+        """Reset all but the skew: the boot clock restarted, with the same crystal."""
         self._trips.clear()
         self._line = self._suspect = None
         self._one_way.clear()
@@ -108,12 +106,12 @@ class TimeSync:
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """Whether the line is carried on without answers, or there is only a bound."""
+        """Whether the line is extrapolated without answers, or there is only a bound."""
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 
     def counters(self, now_ns: int) -> dict[str, float]:
-        """What the clocks do, for a health record; what is not known is left out."""
+        """State of the clocks for a health record; unknown values are left out."""
         age_ns, trip_s, residual_s = self.age_ns(now_ns), self.round_trip_s, self.residual_s
         known = {
             "clock_skew_ppm": self.skew_ppm if self.synchronized else None,
@@ -165,7 +163,7 @@ class TimeSync:
             self._one_way[-1] = (received_ns, offset)
 
     def local_ns(self, remote_ns: int) -> int | None:
-        """Our time of a boot time; None while nothing is known.
+        """Our time of a boot time; None if unknown.
 
         Without any round trip the one-way offset serves after 3 s of messages.
         """
@@ -181,8 +179,7 @@ class TimeSync:
     def _least_offset(self, at_ns: int) -> int:
         """Offset at a time, by the line that all messages lie on or above.
 
-        It leans as the quickest messages of the first and of the second half lie, which is
-        skew where the clocks part, and little where one half was only luckier.
+        Its slope is that between the quickest messages of the first and of the second half.
         """
         points = list(self._one_way)
         half = len(points) // 2
@@ -212,9 +209,9 @@ class TimeSync:
         """Line through the shortest round trips; of equal ones the newest.
 
         The shortest of every 2 s (at first of shorter pieces), and of these the shorter part,
-        so that they cannot all lie together where the link happened to be quiet. While they
-        span too little to tell the skew the line goes through the shortest with the tilt known
-        before (also before a restart), at first none.
+        so that they spread over the window. While the span is too short for a skew, the line
+        goes through the shortest with the previous skew (also from before a restart), at first
+        none.
         """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns

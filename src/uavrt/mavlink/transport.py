@@ -19,11 +19,9 @@ async def open_link(
     """Open a link.
 
     `address`: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see
-    `uavrt.mavlink.address`.
-    `on_frame`: called with each received frame, in the loop's thread.
-    `parser`: of another protocol than MAVLink: then `on_frame` takes what it gives.
-    Raises `ConfigError`: the address is none.
-    Raises `LinkError`: it cannot be opened; the text says why and what to do.
+    `uavrt.mavlink.address`. `on_frame`: called with each received frame, in the loop's thread.
+    `parser`: of another protocol than MAVLink. Raises `ConfigError` for an invalid address,
+    `LinkError`, with the reason and remedy, if it cannot be opened.
     """
     where = parse_address(address) if isinstance(address, str) else address
     link: Link
@@ -46,12 +44,11 @@ async def keep_open(
     opened: Callable[[Link | None], None],
     failed: Callable[[UavrtError], None],
 ) -> NoReturn:
-    """Read a receiver until cancelled; one that is not there is looked for again.
+    """Read a receiver until cancelled; reopen it when it fails.
 
-    `address`: of the receiver.
-    `take`: takes what the parser gives.
-    `opened`: takes the link once it is open, and None when it is closed.
-    `failed`: takes the reason each time that it cannot be opened.
+    `address`: of the receiver. `take`: receives what the parser gives. `opened`: gets the link
+    once it is open, and None when it is closed. `failed`: gets the reason each time that it
+    cannot be opened.
     """
     link = None
     try:

@@ -1,10 +1,9 @@
 """Links over UDP.
 
-Messages come 4 ms apart; to be woken for each costs more than to read it. So the socket is read
-empty at a wake-up and then looked at every `REST_S` until it is quiet. Each frame's age comes
-from the kernel's time stamp, so that clocks are compared with the time of arrival.
-
-At 260 messages a second the wake-ups cost more than the messages. Commands wait up to 8 ms.
+Messages come 4 ms apart, and at 260 a second wake-ups cost more than reading. So the socket is
+read empty at a wake-up and then polled every `REST_S` until it is quiet; commands wait up to 8
+ms. Each frame's age comes from the kernel's time stamp, so that clocks are compared by the time
+of arrival.
 """
 
 import asyncio
@@ -25,22 +24,22 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 log = get_logger()
 
 REST_S = 0.008
-"""PX4 itself looks once in 8 ms at a link of 1200 B/s."""
+"""Time between two polls [s]; PX4 itself polls a link of 1200 B/s once in 8 ms."""
 PEER_SILENCE_S = 30.0
-"""A peer that is silent this long is not sent to any more."""
+"""Silence after which a peer is not sent to any more [s]."""
 MAX_PEERS = 24
 DATAGRAM = 2048
 RECEIVE_BUFFER = 1 << 18
 SO_TIMESTAMPNS = 35
 """Linux, asm-generic/socket.h; the socket module has no name for it before Python 3.14."""
 OLDEST_NS = 10_000_000_000
-"""An age beyond this is a step of the wall clock and no age."""
+"""Age beyond which the wall clock has stepped [ns]."""
 _TIMESPEC = struct.Struct("@ll")
 _GONE = (ConnectionRefusedError, ConnectionResetError)
 
 
 class UdpLink(Link):
-    """UDP: ``udpin`` listens and answers whoever speaks, ``udpout`` speaks to one address."""
+    """UDP: ``udpin`` receives and answers every sender, ``udpout`` sends to one address."""
 
     def __init__(
         self, address: Address, on_frame: Callable[[Any], None], parser: Parser | None = None
@@ -65,7 +64,7 @@ class UdpLink(Link):
                 opened.setblocking(False)
                 opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
                 if sys.platform == "linux":
-                    # An emulator has no stamps: a frame is then as old as its reading.
+                    # An emulator has no stamps: a frame's age is then counted from its reading.
                     with suppress(OSError):
                         opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
                 if listen:
@@ -86,7 +85,7 @@ class UdpLink(Link):
 
     @property
     def local_port(self) -> int:
-        """Port the socket is bound to, also where the system chose it."""
+        """Port the socket is bound to, also if the system chose it."""
         assert self._socket is not None
         port: int = self._socket.getsockname()[1]
         return port
@@ -131,7 +130,7 @@ class UdpLink(Link):
                 self._rest()
 
     def _look(self) -> None:
-        """After a rest: read again; be woken only when it has become quiet."""
+        """Read again after a rest; wait for datagrams only once it is quiet."""
         self._timer = None
         found = True
         try:
@@ -141,7 +140,7 @@ class UdpLink(Link):
                 (self._rest if found else self._listen)()
 
     def _read_all(self) -> bool:
-        """Read all there is; False when there was nothing."""
+        """Read all waiting datagrams; False if there were none."""
         found = False
         while self._socket is not None:
             try:
@@ -224,7 +223,7 @@ def _receive(
 
 
 def _age_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
-    """How long ago a datagram arrived, by the kernel's stamp of it."""
+    """Time since a datagram arrived, by the kernel's stamp [ns]."""
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
             seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])

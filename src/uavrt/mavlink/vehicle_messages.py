@@ -50,12 +50,13 @@ WATCHED_HZ: dict[int, float] = {
     dialect.Wind.ID: 0.2,
     dialect.WindCov.ID: 0.2,
 }
-"""What must be streamed for a takeover to be seen in time. PX4 refuses HEARTBEAT and ArduPilot
-CURRENT_MODE: each tells its mode by the other. Likewise the wind, where it is told at all."""
+"""Messages streamed so that a takeover is seen in time, and their rates [Hz]. PX4 refuses
+HEARTBEAT and ArduPilot CURRENT_MODE: each reports its mode by the other. Each also has its own
+message for the wind."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
-"""Messages that the autopilots stamp in the moment of sending."""
+"""Messages that the autopilots stamp when sending."""
 _FAILING: dict[int, str] = {
     MavSysStatusSensor.SYS_STATUS_GEOFENCE: "fence",
     MavSysStatusSensor.SYS_STATUS_AHRS: "position estimate",
@@ -66,17 +67,17 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Which autopilot it is; None for one that we do not fly with, and for other vehicles."""
+    """Which autopilot it is; None if we do not fly with it, or for another vehicle type."""
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
 def observations(
     message: Message, now_s: float, late_s: float | None = None
 ) -> Iterator[Observation]:
-    """What a message of the autopilot shows; nothing for most.
+    """Convert a message of the autopilot to observations; most give none.
 
-    `now_s`: our monotonic time of its arrival.
-    `late_s`: how long it was on its way, where the autopilot's clock is known.
+    `now_s`: our monotonic time of its arrival. `late_s`: its delay, if the autopilot's clock is
+    known.
     """
     if isinstance(message, TIMED):
         yield BootTimeSeen(now_s, message.time_boot_ms / 1e3, late_s)
@@ -137,7 +138,7 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
             altitude_amsl_m=None,
             yaw_deg=None,
         )
-    # A target above home is told by no autopilot that was flown; one would not be ours.
+    # Neither autopilot reports targets above home; such a target would not be ours.
     relative = message.coordinate_frame in _RELATIVE
     no_yaw = message.type_mask & PositionTargetTypemask.YAW_IGNORE or not isfinite(message.yaw)
     return TargetSeen(
@@ -151,13 +152,13 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
 
 
 def _hands(message: dialect.RcChannels, now_s: float) -> SticksSeen:
-    """All channels there are; none when there is no receiver or it has lost the sender."""
+    """All RC channels; none without a receiver, or if it has lost the sender."""
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
-    told_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)
-    if count < STICKS or 0 in told_us[:STICKS]:
+    known_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)
+    if count < STICKS or 0 in known_us[:STICKS]:
         return SticksSeen(now_s, ())
-    return SticksSeen(now_s, told_us[:STICKS], told_us[STICKS:])
+    return SticksSeen(now_s, known_us[:STICKS], known_us[STICKS:])
 
 
 def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]:
@@ -170,7 +171,7 @@ def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]
 def command_message(command: VehicleCommand, system_id: int) -> Message:
     """Write a command to the autopilot.
 
-    DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots take for what it is;
+    DO_REPOSITION goes by COMMAND_INT in GLOBAL_INT, which both autopilots interpret correctly;
     the others by COMMAND_LONG.
     """
     number = MavCmd[command.name]

@@ -1,4 +1,4 @@
-"""The wind, as each autopilot tells it. Pure.
+"""The wind as each autopilot reports it. Pure.
 
 ArduPilot sends WIND and PX4 WIND_COV, where they estimate it: a multirotor needs its drag to be
 measured for that (EK3_DRAG_*, EKF2_DRAG_CTRL).
@@ -10,11 +10,11 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 
 STRONGEST_M_S = 60.0
-"""More is no wind that a drone flies in."""
+"""Strongest wind accepted [m/s]; no drone flies in more."""
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:
-    """Where the air goes, east and north [m/s]; None where a message does not tell."""
+    """Motion of the air, east and north [m/s]; None for other messages."""
     match message:
         case dialect.Wind():  # the direction that it comes from
             comes = radians(message.direction)

@@ -11,7 +11,7 @@ from uavrt.messages import Command, CommandReply, Tag
 from uavrt.monitor.reader import StatusReader
 
 REPLY_S = 15.0
-"""The tuner may take some seconds on a small busy computer."""
+"""Longest wait for a reply [s]; the tuner may take some seconds on a small computer."""
 
 
 def start_detection(
@@ -23,9 +23,8 @@ def start_detection(
 ) -> str:
     """Send tags and start detecting; get the flight's directory.
 
-    Raises `CommandRefused`: the system's state does not allow it; the text says why.
-    Raises `ConfigError`: the frequency or the gain is out of range.
-    Raises `UavrtError`: no answer.
+    Raises `CommandRefused`, with the reason, in the wrong state; `ConfigError` for an invalid
+    frequency or gain; `UavrtError` without an answer.
     """
     check_start(None, center_frequency_hz, gain)
     _ask(reader, "start_tags", 1)
@@ -44,8 +43,7 @@ def start_detection(
 def stop_detection(reader: StatusReader) -> str:
     """Stop detecting; get the flight's directory.
 
-    Raises `CommandRefused`: the system's state does not allow it.
-    Raises `UavrtError`: no answer.
+    Raises `CommandRefused` in the wrong state, `UavrtError` without an answer.
     """
     return _ask(reader, "stop_detection", 1)
 

@@ -18,18 +18,18 @@ from uavrt.messages import SystemStatus
 
 SOCKET_NAME = "status.sock"
 STATUS_S = 3.0
-"""The supervisor reports its state once a second."""
+"""Time between the supervisor's reports of its state [s]."""
 
 
 def status_socket_path(settings: Settings) -> Path:
-    """Get where the supervisor shows its records: as set, or beside the flights."""
+    """Path of the supervisor's socket: as set, or in the flights' folder."""
     if settings.status_socket is not None:
         return Path(settings.status_socket)
     return Path(settings.recording.directory) / SOCKET_NAME
 
 
 def running_status(path: Path) -> SystemStatus | None:
-    """Get the state of a system that runs already, if one does."""
+    """State of a system that is running; None without one."""
     try:
         reader = StatusReader(path)
     except (UavrtError, OSError):
@@ -48,11 +48,10 @@ def _never() -> None:
 
 
 class StatusReader:
-    """Reads the records that the supervisor shows on its status socket.
+    """Reads the records of the supervisor's status socket.
 
-    `timeout_s`: how long to wait for the supervisor to open it [s].
-    `check`: called while waiting; raises when a program has ended.
-    Raises `UavrtError`: the supervisor did not open the socket in time.
+    `timeout_s`: how long to wait for the supervisor to open it [s]. `check`: called while
+    waiting; raises when a program has ended. Raises `UavrtError` if it does not open in time.
     """
 
     def __init__(
@@ -87,7 +86,7 @@ class StatusReader:
 
     @property
     def process_id(self) -> int:
-        """Of the supervisor (unix(7), SO_PEERCRED)."""
+        """Process id of the supervisor (unix(7), SO_PEERCRED)."""
         credentials = self._sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
         return int.from_bytes(credentials[:4], sys.byteorder)
 

@@ -1,4 +1,4 @@
-"""Tables of a terminal in the one way in which all commands draw them."""
+"""Tables in a terminal, drawn alike by all commands."""
 
 from typing import Any
 

@@ -48,18 +48,18 @@ class Heard:
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
     searched: SearchReport | None = None
-    """The newest."""
+    """The newest search report."""
 
 
 @dataclass(slots=True)
 class MonitorView:
-    """Takes records in; `render` draws them."""
+    """Collects records; `render` draws them."""
 
     status: SystemStatus | None = None
     heard: dict[int, Heard] = field(default_factory=dict)
     texts: deque[StatusText] = field(default_factory=lambda: deque(maxlen=TEXTS_SHOWN))
     beeps: list[Beep] = field(default_factory=list)
-    """What beeps in this flight."""
+    """Beeping senders of this flight."""
     cpu_percent: dict[str, float] = field(default_factory=dict)
     _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
 
@@ -105,7 +105,7 @@ class MonitorView:
 
     @property
     def losses(self) -> float:
-        """Everything that was lost or refused anywhere."""
+        """Counts of everything lost or refused."""
         processes = self.status.processes if self.status else ()
         return sum(p.counters.get(name, 0.0) for p in processes for name in LOSSES)
 
@@ -216,7 +216,7 @@ def _number(tag_id: int, last: Pulse | None) -> str:
 
 
 def _usable(searched: SearchReport | None) -> str:
-    """Share of the time in which a tag could be heard, and the weakest that would have been."""
+    """Usable share of the time, and the weakest tag that would have been found."""
     if searched is None or searched.usable_share is None:
         return "–"
     weakest_db = searched.weakest_enr_db

@@ -1,4 +1,4 @@
-"""Give each pulse its pose: wait for the samples around it, but not for ever."""
+"""Give each pulse its pose: wait for the samples around it, for a limited time."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -16,14 +16,12 @@ class _Waiting:
 
 
 class PoseAttacher:
-    """Holds pulses until their pose is known; never drops one, keeps the order of each tag.
+    """Holds pulses until their pose is known; drops none, keeps the order of each tag.
 
-    A pulse comes out with the interpolated pose as soon as attitude and position after its
-    centre have arrived; after `wait_s` with a pose marked as extrapolated, or, when even that
-    is not to be had, with None.
+    A pulse is returned with the interpolated pose as soon as attitude and position after its
+    centre have arrived; after `wait_s` with an extrapolated pose, marked, or with None.
 
-    `wait_s`: longest a pulse waits, counted from its arrival here. 0: not at all, for a system
-    without autopilot.
+    `wait_s`: longest wait from its arrival here; 0 for a system without autopilot.
     """
 
     def __init__(self, ring: PoseRing, *, wait_s: float) -> None:
@@ -46,15 +44,15 @@ class PoseAttacher:
         queue.append(_Waiting(pulse, now_ns + self._wait_ns))
 
     def ready(self, now_ns: int) -> list[PulsePose]:
-        """Get the pulses whose pose is known, or whose time to wait is over."""
+        """Get the pulses whose pose is known, or whose wait is over."""
         return self._released(now_ns)
 
     def flush(self) -> list[PulsePose]:
-        """Get all pulses, at the end of a flight, with what is known."""
+        """Get all pulses with the poses known, at the end of a flight."""
         return self._released(None)
 
     def next_deadline_ns(self) -> int | None:
-        """When to call `ready` again at the latest; None when nothing waits."""
+        """Latest time of the next call of `ready` [ns]; None when nothing waits."""
         return min((q[0].deadline_ns for q in self._queues.values() if q), default=None)
 
     def _released(self, now_ns: int | None) -> list[PulsePose]:

@@ -18,11 +18,10 @@ from uavrt.messages import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mounting:
-    """How the antenna sits on the vehicle.
+    """Mounting of the antenna on the vehicle.
 
-    `rotation` (w, x, y, z): antenna frame to vehicle frame.
-    `offset_m` (forward, right, down): antenna from the point whose position the autopilot
-    reports [m].
+    `rotation` (w, x, y, z): antenna frame to vehicle frame. `offset_m` (forward, right, down):
+    antenna from the point whose position the autopilot reports [m].
     """
 
     rotation: Quaternion = IDENTITY

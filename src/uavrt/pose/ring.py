@@ -1,14 +1,13 @@
-"""Where the antenna was and how it was turned, at any instant of the last minute.
+"""The antenna's pose at any instant of the last minute.
 
-The thesis gave each pulse the pose half-way between take-off and now: its search for the
-sample before the pulse always found the first one ever, and its fraction was the constant ½,
-so a turn of 90° was logged as 45°. Hence here: integer
-nanoseconds, a bisection, the true fraction.
+The thesis gave each pulse the pose half-way between take-off and now: its search for the sample
+before the pulse always found the first one ever, and its fraction was the constant ½, so a turn
+of 90° was logged as 45°. Hence here: integer nanoseconds, a bisection, the true fraction.
 
-A pulse that has waited in vain gets the motion of the last 0.2 s carried on for at most 1 s,
-and is marked; across gaps of more than 2 s nothing is interpolated. In a steady turn at 30°/s,
-holding the last pose would be wrong by 15° after half a second. From two samples 20 ms apart,
-noise of 0.1° would become 5°/s; over 0.2 s it is 0.5°/s.
+Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s, and
+marked; gaps of more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last
+pose would be wrong by 15° after half a second. From two samples 20 ms apart, noise of 0.1°
+would become 5°/s; over 0.2 s it is 0.5°/s.
 """
 
 import math
@@ -25,23 +24,20 @@ CAPACITY = 6_000
 """Samples of each kind: two minutes at 50 Hz, one at 100 Hz."""
 
 MAX_GAP_S = 2.0
-"""Between samples farther apart than this nothing is interpolated: the link was broken, and a
-vehicle may turn around in the meantime."""
+"""Longest gap between samples that is interpolated [s]; in a longer one a vehicle may turn."""
 
 MAX_EXTRAPOLATION_S = 1.0
-"""How far beyond the newest (or from the edge of a gap) a pose is guessed: at 30°/s, with the
-turn carried on, an error of some degrees where the turn begins or ends."""
+"""Longest extrapolation beyond the newest sample, or from the edge of a gap [s]. At 30°/s it
+errs by some degrees where the turn begins or ends."""
 
 _RATE_BASELINE_S = 0.2
-"""Motion is carried on from the last 0.2 s: two neighbouring samples 20 ms apart would blow up
-their noise of 0.1° to 5°/s."""
+"""Time over which the rate of motion is measured for it [s]."""
 
 
 class PoseRing:
     """The vehicle's recent attitudes and positions, interpolated for the antenna.
 
-    `antenna`: how the antenna sits on the vehicle.
-    `capacity`: samples of each kind that are kept.
+    `antenna`: its mounting on the vehicle. `capacity`: samples of each kind that are kept.
     """
 
     def __init__(
@@ -56,9 +52,9 @@ class PoseRing:
         self.late_samples = 0
         """Samples left out because a later one was there already."""
         self.refused_samples = 0
-        """Attitudes that are no rotation, positions that are no numbers."""
+        """Invalid attitudes and positions that were refused."""
         self.resets = 0
-        """How often everything before was forgotten: time fell, or a flight brought a clock."""
+        """Number of resets, because time fell or a flight brought a clock."""
 
     def add_attitude(self, sample: AttitudeSample) -> None:
         """Add an attitude; one that is no rotation is refused and counted."""
@@ -100,7 +96,7 @@ class PoseRing:
         )
 
     def clear(self) -> None:
-        """Forget all samples: after an autopilot's reboot, or by another clock."""
+        """Remove all samples, after an autopilot's reboot or for another clock."""
         self._attitudes.clear()
         self._positions.clear()
         self.resets += 1
@@ -116,19 +112,15 @@ class PoseRing:
     def antenna_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
         """Get the antenna's pose at an instant.
 
-        `time_ns`: the instant, for a pulse its centre [ns, UTC].
-        `extrapolate`: carry the motion on for up to `MAX_EXTRAPOLATION_S` where no later sample
-        is known, and hold the nearest sample at the edges of a gap; the pose is marked.
-        Raises `PoseUnavailable`: there is none; with ``retry_later`` when a later sample may
-        still give one.
+        `time_ns`: the instant, for a pulse its centre [ns, UTC]. `extrapolate`: extrapolate for
+        up to `MAX_EXTRAPOLATION_S` where no later sample is known, and hold the nearest sample
+        at the edges of a gap; the pose is marked. Raises `PoseUnavailable`, with
+        ``retry_later`` if a later sample may still give one.
         """
         return self._mounting.antenna_pose(self.vehicle_pose(time_ns, extrapolate=extrapolate))
 
     def vehicle_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
-        """Get the vehicle's own pose: as `antenna_pose`, without the mounting.
-
-        Raises `PoseUnavailable`: as `antenna_pose`.
-        """
+        """Get the vehicle's own pose, without the mounting; raises `PoseUnavailable`."""
         attitude, guessed_attitude = self._attitude(time_ns, extrapolate)
         position, guessed_position = self._position(time_ns, extrapolate)
         return Pose(
@@ -170,7 +162,7 @@ class PoseRing:
     def _around(
         self, series: Series[S], time_ns: int, extrapolate: bool
     ) -> tuple[S, S, float, bool]:
-        """Two samples, the fraction of the way from one to the other, and whether guessed."""
+        """Two samples, the fraction between them, and whether it is extrapolated."""
         first_ns, last_ns = series.first_ns, series.last_ns
         if first_ns is None or last_ns is None:
             raise PoseUnavailable(time_ns, retry_later=True)

@@ -19,20 +19,18 @@ S = TypeVar("S", bound=Timed)
 Four = tuple[float, float, float, float]
 
 REBOOT_NS = 500_000_000
-"""A time that falls by this much is a new count, not a late message: at 10 Hz and over a link
+"""Fall of time that means a restarted count, not a late message [ns]. At 10 Hz and over a link
 of 57 600 baud messages are late by tens of milliseconds, never by half a second."""
 
 
 class Series(Generic[S]):
     """Samples by time, oldest dropped first.
 
-    They are kept as bare numbers, 40 bytes each (as records they take 330), in room that is
-    taken at the beginning: positions come ten times a second, and would need ever more memory
-    for ten minutes.
+    They are kept as bare numbers in memory allocated at the start, 40 bytes each (330 as
+    records), so that memory does not grow in flight.
 
-    `capacity`: most samples kept.
-    `pack`: gets a sample's four numbers.
-    `unpack`: makes a sample of a time and its four numbers.
+    `capacity`: most samples kept. `pack`: gets a sample's four numbers. `unpack`: makes a
+    sample of a time and its four numbers.
     """
 
     def __init__(
@@ -40,7 +38,7 @@ class Series(Generic[S]):
     ) -> None:
         self._capacity = capacity
         self._pack, self._unpack = pack, unpack
-        # A fourth more: taking the first off moves all the others, so it is done in batches.
+        # A fourth more: removing the first moves all the others, so it is done in batches.
         self._room = capacity + capacity // 4 + 1
         self._times = array("q", bytes(8 * self._room))
         self._values = array("d", bytes(32 * self._room))
@@ -52,8 +50,7 @@ class Series(Generic[S]):
     def add(self, sample: S) -> bool:
         """Append a sample; False when it is late and left out.
 
-        Raises `OverflowError`: time fell by `REBOOT_NS` or more; the caller forgets what was
-        before and adds again.
+        Raises `OverflowError` if time fell by `REBOOT_NS` or more; then clear and add again.
         """
         time_ns = sample.time_ns
         if self._count:
@@ -76,7 +73,7 @@ class Series(Generic[S]):
         self._values[: 4 * self._count] = self._values[4 * surplus :]
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all samples."""
         self._count = 0
 
     def _sample(self, index: int) -> S:
@@ -100,7 +97,7 @@ class Series(Generic[S]):
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
         """Get the samples just before and after; twice the same on an exact hit.
 
-        None when the time lies outside the run.
+        None for a time outside of them.
         """
         index = self._index_from(time_ns)
         if index == self._count:

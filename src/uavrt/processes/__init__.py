@@ -1,6 +1,6 @@
-"""The processes of the drone side: thin loops that connect stages to sockets.
+"""Processes of the drone side: thin loops that connect stages to sockets.
 
 `receiver`, `detector`, `recorder`, `connection`, `guide`, `estimator` and `ros2_gateway` are
-rows of the table of processes. The other modules belong to one of these: `motion_desk`,
-`parameter_desk` and `pose_desk` to the connection, `thinker` to the guide.
+rows of the table of processes. `motion_desk`, `parameter_desk` and `pose_desk` belong to the
+connection, `thinker` to the guide.
 """

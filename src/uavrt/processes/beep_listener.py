@@ -1,4 +1,4 @@
-"""Search for what beeps in a thread, so that the radio's samples are read meanwhile.
+"""Search for beeping senders in a thread, so that the radio is read meanwhile.
 
 A batch of the search takes up to 0.2 s on a slow computer; a radio's pipe holds 40 ms.
 """
@@ -16,19 +16,20 @@ from uavrt.messages import Beep, IQBlock
 log = get_logger()
 
 MOST_WAITING: Final = 6
-"""Blocks that wait for the search; 12 MB at 3 MS/s. Further ones are left out and counted."""
+"""Blocks that may wait for the search, 12 MB at 3 MS/s; further ones are dropped and
+counted."""
 _CLOSE_S: Final = 2.0
-"""The search ends within this time, or is left alone."""
+"""Longest wait for the search to end when closing [s]."""
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""For which search, the radio's samples, those of the tags' band."""
+"""The search it is for, the radio's samples, and those of the tags' band."""
 
 
 class BeepListener:
-    """Gives samples to a search in its thread and collects what it names.
+    """Searches samples in a thread of its own and collects the senders found.
 
-    `make`: begins a search.
+    `make`: creates a search.
     """
 
     def __init__(self, make: Callable[[], BeepSearch]) -> None:
@@ -38,9 +39,9 @@ class BeepListener:
         self._there = threading.Semaphore(0)
         self._found: deque[tuple[BeepSearch, Beep]] = deque()
         self.failed = False
-        """Whether the thread has ended by a fault: nothing more is found."""
+        """Whether the thread has ended with an error; nothing more is found then."""
         self.dropped_s = 0.0
-        """Time of samples that were left out, since the search was behind."""
+        """Duration of samples dropped because the search was behind [s]."""
         self._thread = threading.Thread(target=self._work, name="beeps", daemon=True)
         self._thread.start()
 
@@ -59,21 +60,21 @@ class BeepListener:
         self._put((self._search, radio, tags))
 
     def take_news(self) -> list[Beep]:
-        """Take what was named since the last call."""
+        """Get what was found since the last call."""
         found = [self._found.popleft() for _ in range(len(self._found))]
         return [beep for search, beep in found if search is self._search]
 
     def begin_again(self) -> None:
-        """Discard all samples and what was found: frequencies have another meaning now."""
+        """Discard all samples and results, because the frequencies have changed."""
         self._search = self._make()
 
     @property
     def cells_dropped(self) -> int:
-        """Cells of the spectrum that were not examined, since too many stood out."""
+        """Cells of the spectrum left unexamined because too many stood out."""
         return self._search.dropped
 
     def close(self) -> None:
-        """End the search with what waits."""
+        """Search what still waits, then end the thread."""
         self._put(None)
         self._thread.join(_CLOSE_S)
 

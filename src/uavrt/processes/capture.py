@@ -1,4 +1,4 @@
-"""A raw capture: the decimated band of the radio to a file, for a while. Nothing is detected.
+"""Raw capture: record the decimated band of the radio for a given time, without detection.
 
 Runs in the receiver process, in place of the receiver.
 """
@@ -20,7 +20,7 @@ from uavrt.recording.sample_file import BYTES_PER_SAMPLE
 
 
 class Capture:
-    """Decimates and records until there is enough, or the disk is full.
+    """Decimates and records until the wanted length is reached or the disk is full.
 
     Raises `RecordingError` if the file cannot be written.
     """
@@ -59,11 +59,13 @@ class Capture:
             self._wanted = self._recorder.room_samples
             self._why = "the disk is nearly full"
             fits_s = (self._earlier + self._wanted) / self._rate_hz
-            frame.tell(4, f"Disk: {fits_s:.0f} of {self._capture_s:g} s fit, capture ends then")
+            frame.notify(
+                4, f"Disk: {fits_s:.0f} of {self._capture_s:g} s fit, capture ends then"
+            )
 
     @property
     def status(self) -> str | None:
-        """Word for the supervisor when it is over; None before."""
+        """Final status for the supervisor; None while the capture runs."""
         if self._taken < self._wanted and self._recorder.trouble is None:
             return None
         self._why = self._recorder.trouble or self._why
@@ -71,7 +73,7 @@ class Capture:
         return "captured" if self.said() else "not captured"
 
     def said(self) -> str:
-        """Say what was recorded, where, and why it is not all; empty for nothing."""
+        """Text on what was recorded and why it is incomplete; empty if nothing was recorded."""
         recorded = self._earlier + self._recorder.written_samples
         if not recorded:
             return ""
@@ -82,7 +84,7 @@ class Capture:
         return f"{seconds:.1f} of {self._capture_s:g} s in {where}{parts}{why}"
 
     def process(self, block: IQBlock) -> None:
-        """Decimate and record; what is beyond the wanted length is left out."""
+        """Decimate and record a block; samples beyond the wanted length are dropped."""
         band = self._front_end.decimate(block)
         self._lost += block.lost_before
         self._check.look(band)
@@ -95,10 +97,10 @@ class Capture:
             self._taken += len(samples)
 
     def flush(self) -> None:
-        """Nothing waits here."""
+        """Do nothing: no samples wait here."""
 
     def forget(self, *, failed: bool = True) -> None:
-        """Restart the filter: what comes next does not continue what was."""
+        """Restart the filter, because the next samples do not continue the last."""
         self.failures += failed
         self._front_end.reset()
         self._check = SampleCheck("the radio")

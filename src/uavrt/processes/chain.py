@@ -1,7 +1,6 @@
-"""The whole chain in one process: radio samples in, pulses out. For a computer with one core.
+"""The whole chain in one process, for a computer with one core: radio samples in, pulses out.
 
-The same receiver and the same detectors as in processes of their own, without sockets between
-them (`uavrt.supervisor.tree.shapes`).
+Receiver and detectors are those of the separate processes, without sockets between them.
 """
 
 from collections.abc import Mapping
@@ -26,12 +25,12 @@ class Chain(Receiver):
         super().close()
 
     def counters(self) -> Mapping[str, float]:
-        """Count what came and what was found."""
+        """Counters of the receiver and the detectors."""
         return {**self._searcher.counters(), **super().counters()}
 
 
 def main() -> None:
-    """Receive and detect until told to stop."""
+    """Receive and detect until stopped."""
     run(Chain)
 
 

@@ -143,7 +143,7 @@ class ConnectionProcess:
             lambda: self._link.component.parameters_bytewise,
             send=stations.answer_parameter,
             ask=self._ask,
-            tell=self._say,
+            notify=self._say,
             running=flight is not None and flight.capture_s is None,
         )
         self._pulses = PulsePath(
@@ -262,7 +262,7 @@ class ConnectionProcess:
         self._inbox.stations.announce_session(now_ns)
         own_pose = self._poses.due(now_ns)
         if own_pose is not None:
-            self._link.component.tell_pose(own_pose, now_ns)
+            self._link.component.send_pose(own_pose, now_ns)
         system, newcomer = self._inbox.system, self._links.newcomer()
         if system is not None:
             # As long as a pulse has not gone out, it is detecting.

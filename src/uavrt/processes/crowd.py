@@ -1,7 +1,7 @@
-"""Limit the ground station messages we process: a flood must not hold up the pulses.
+"""Limit the ground station messages we process, so that a flood does not delay pulses.
 
-The station whose commands were carried out has a share of its own; all others, who may be one
-sender with many names, share one. What is beyond is counted, neither answered nor written.
+The commanding station has an allowance of its own. All others share one, since a single sender
+can use many names. Messages beyond it are counted and dropped.
 """
 
 from uavrt.allowance import Allowance
@@ -33,34 +33,34 @@ class Crowd:
         self._unproven = Allowance(burst=UNPROVEN_FILES_BURST, per_s=UNPROVEN_FILES_PER_S)
         self._questions = Allowance(burst=QUESTIONS_BURST, per_s=QUESTIONS_PER_S)
         self.passed_over = 0
-        """Messages that were too many."""
+        """Messages dropped as too many."""
 
     @property
     def has_commander(self) -> bool:
-        """Whether it is known who commands."""
+        """Whether the commanding station is known."""
         return self._commander is not None
 
     def commander(self, place: Place) -> None:
-        """Note who commands."""
+        """Set the commanding station."""
         if place != self._commander:
             self._commander = place
             self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
 
     def commands(self, place: Place) -> bool:
-        """Whether it is known to be who commands: its answers go before pulses."""
+        """Whether this station is the commanding one; its answers go before pulses."""
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """Whether to handle a request for a file; the commander's always, if proof is given."""
+        """Whether to handle a file request; always for the commander with proof of the key."""
         allowance = self._files if proof else self._unproven
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.passed_over += not admitted
         return admitted
 
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
-        """Whether a message is looked at.
+        """Whether to process a message.
 
-        `answers`: messages that the answer to it takes.
+        `answers`: messages needed to answer it.
         """
         if place == self._commander:
             admitted = self._own.take(now_ns)

@@ -31,23 +31,22 @@ if TYPE_CHECKING:
 log = get_logger()
 
 FAULTS_OF_A_TAG = 2
-"""So often a detector may fail before its tag is left out: the first may have been chance."""
+"""Failures of a detector after which its tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Samples older than this are not live: after a restart it works through what has waited.
-Blocks of 87 ms and the filters take 0.2 s, a busy computer some more."""
+"""Age above which samples count as backlog, e.g. after a restart [ns]. Blocks and filters alone
+delay them by 0.2 s."""
 
 
 class DetectorBank:
     """One `PulseDetector` for each tag, made when its channel's first block comes.
 
-    A detector that fails or hangs must not cost the others their pulses. All are made anew,
-    since the search of many is one; those that had their turn then are searched alone from
-    there on, and a tag at which the search fails twice is left out, told by its name.
+    A detector that fails or hangs must not cost the others their pulses. All detectors are then
+    rebuilt, and the suspects are searched one by one. A tag whose search fails twice is left
+    out and reported by name.
 
-    `tags`: the tags this worker serves.
-    `settings`: how they are searched: window and operating mode.
-    `flight`: what the radio is set to: ghosts that it makes of a strong tag are not confirmed.
+    `tags`: the tags this worker serves. `settings`: window and operating mode. `flight`: radio
+    settings, needed to reject its ghosts of a strong tag.
     """
 
     def __init__(
@@ -67,11 +66,11 @@ class DetectorBank:
         self._watch = HangWatch(lambda: self._group.in_hand)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
-        """Taken last; the channels of a radio block have the same."""
+        """Clipped times of the last block; the same for all channels of a radio block."""
         self._faults: Counter[int] = Counter()
         self._alone: frozenset[int] = frozenset()
         self.left_out: dict[int, Tag] = {}
-        """Tags that are not searched any more, by id."""
+        """Tags that are no longer searched, by id."""
         self.failures = 0
         self.samples = 0
         self.samples_lost = 0
@@ -95,7 +94,7 @@ class DetectorBank:
         self._put_coded(block)
 
     def _put_coded(self, block: ChannelBlock) -> None:
-        """Search a block for coded tags; if that fails twice they are left out."""
+        """Search a block for coded tags; after two failures they are left out."""
         codes = [tag for tag in self._of_channel(block) if tag.coded]
         if not codes:
             return
@@ -140,7 +139,7 @@ class DetectorBank:
         ]
 
     def _add(self, block: ChannelBlock) -> bool:
-        """Make the detectors of a channel; False when it has none."""
+        """Make the detectors of a channel; False if it has no tags."""
         detectors = self._make(block)
         if detectors:
             self._group.add(block.channel, detectors)
@@ -148,20 +147,20 @@ class DetectorBank:
 
     @contextmanager
     def _surviving(self) -> Iterator[None]:
-        """Keep a failure of one tag's search from ending the others."""
+        """Keep a failure in one tag's search from ending the others."""
         try:
             with self._watch:
                 yield
         except Exception as error:
             tags = [detector.tag.tag_id for detector in self._group.in_hand]
             log.exception("search failed", tags=tags)
-            self._start_anew(error)
+            self._restart(error)
 
-    def _start_anew(self, error: Exception) -> None:
-        """Continue without what failed: with new detectors, and finally without the tag."""
+    def _restart(self, error: Exception) -> None:
+        """Rebuild all detectors after a failure; leave out a tag that failed twice."""
         suspects = [detector.tag for detector in self._group.in_hand]
         self.failures += 1
-        # Of several, one: they are told apart alone, or all go where that is not possible.
+        # Which of several failed shows when each is searched alone; otherwise all are left out.
         if len(suspects) == 1 or all(tag.tag_id in self._alone for tag in suspects):
             for tag in suspects:
                 self._faults[tag.tag_id] += 1
@@ -174,11 +173,11 @@ class DetectorBank:
     def _leave_out(self, tag: Tag, error: Exception) -> None:
         self.left_out[tag.tag_id] = tag
         name = f"{tag.tag_id} {tag.name}" if tag.name else f"{tag.tag_id}"
-        log.error("tag is searched no more: its detector failed", tag=name, reason=str(error))
+        log.error("tag no longer searched: its detector failed", tag=name, reason=str(error))
 
     def _finite(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Replace values that are not numbers by zeros: the noise level would never recover."""
-        if np.isfinite(samples.sum()):  # one number tells, and costs 2 µs
+        """Replace non-finite values by zeros, which would spoil the noise estimate for good."""
+        if np.isfinite(samples.sum()):  # one sum shows it, and costs 2 µs
             return samples
         good = np.isfinite(samples)
         self.samples_invalid += int(np.count_nonzero(~good))
@@ -191,7 +190,7 @@ class DetectorBank:
         return len(self.all()) + coded >= len(self._tags) - len(self.left_out)
 
     def flush(self) -> list[Pulse]:
-        """Get what the samples so far still hold."""
+        """Get the pulses in the samples so far."""
         pulses: list[Pulse] = []
         with self._surviving():
             pulses = self._group.flush()
@@ -199,18 +198,18 @@ class DetectorBank:
         return self._marked(pulses + bursts)
 
     def all(self) -> list[PulseDetector]:
-        """Get every detector of a single tag made so far."""
+        """All single-tag detectors made so far."""
         return self._group.detectors
 
     def search_reports(self) -> list[SearchReport]:
-        """Take what all detectors have searched in vain."""
+        """Take the detectors' reports on searches without a find."""
         return [report for one in self._searching() for report in one.search_reports()]
 
     def _searching(self) -> "list[PulseDetector | CodedDetector]":
         return [*self.all(), *self._coded.values()]
 
     def counters(self) -> dict[str, float]:
-        """Count over all detectors."""
+        """Sums of the counters of all detectors."""
         total: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
@@ -227,10 +226,10 @@ class DetectorBank:
         return total
 
     def _of_channel(self, block: ChannelBlock) -> list[Tag]:
-        """Find the tags whose channel this is, and that are not left out.
+        """Find the tags of this channel that are still searched.
 
-        The receiver sends this worker only the channels of its tags, and a tag belongs to the
-        channel whose centre is nearest; neighbouring centres are half the rate apart at least.
+        A tag belongs to the channel with the nearest centre; a worker receives its tags'
+        channels only.
         """
         half_spacing_hz = block.sample_rate_hz / 4
         return [
@@ -241,7 +240,7 @@ class DetectorBank:
         ]
 
     def _make(self, block: ChannelBlock) -> list[PulseDetector]:
-        """Make the detectors of the beeping tags whose channel this is."""
+        """Make the detectors of this channel's beeping tags."""
         made = []
         for tag in self._of_channel(block):
             if tag.coded:
@@ -263,7 +262,7 @@ class DetectorBank:
 
 
 def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, int]]:
-    """Everything a detector has counted, but the samples, which the bank counts once."""
+    """All counters of a detector except samples, which the bank counts once."""
     counters = asdict(detector.counters)
     for reason, count in counters.pop("rejected").items():
         yield f"rejected_{reason}", count
@@ -273,7 +272,7 @@ def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, i
 
 
 def main() -> None:
-    """Detect until told to stop; then finish the samples that are already here."""
+    """Detect until stopped; then finish the samples that have arrived."""
     with ProcessFrame.start() as frame:
         assignment = frame.assignment
         receiver = ChannelReceiver(socket.socket(fileno=assignment.sample_fds[0]))
@@ -283,7 +282,7 @@ def main() -> None:
             select.select([receiver.fileno(), frame.link.fileno()], [], [], SELECT_S)
             frame.receive()
             detect_all(searcher, receiver)
-            searcher.tell_health()
+            searcher.report_health()
         detect_all(searcher, receiver)
         searcher.flush()
         searcher.finish()
@@ -291,30 +290,30 @@ def main() -> None:
 
 
 class Searcher:
-    """Gives blocks to a bank of detectors, and sends what it finds.
+    """Feeds blocks to a bank of detectors, and sends what it finds.
 
     `bank`: the detectors of its tags.
     """
 
     samples_dropped = 0
-    """It takes what it gets."""
+    """Samples dropped: none, since it waits for the search."""
 
     def __init__(self, frame: ProcessFrame, bank: DetectorBank) -> None:
         self._frame = frame
         self._bank = bank
         self._latencies = Latencies()
         self._time_ns: int | None = None
-        """Of the blocks that are yet to be searched."""
+        """Time of the blocks not yet searched [ns]."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Process a channel's next block; the channels of one radio block belong together."""
+        """Add a channel's next block; the channels of one radio block are searched together."""
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns
         self._bank.put(block)
 
     def _search(self) -> None:
-        """Search the blocks that came; send what was found."""
+        """Search the waiting blocks; send the pulses found."""
         if self._time_ns is None:
             return
         for pulse in self._bank.collect():
@@ -324,17 +323,17 @@ class Searcher:
         self._time_ns = None
 
     def flush(self) -> None:
-        """Search what came; send what was found, and what was searched in vain."""
+        """Search the waiting blocks; send pulses and reports of searches without a find."""
         self._search()
         for report in self._bank.search_reports():
             self._frame.send("search_report", report)
 
     def finish(self) -> None:
-        """Send what the samples so far still hold."""
+        """Send the pulses in the remaining samples."""
         for pulse in self._bank.flush():
             self._frame.send("pulse", pulse)
 
-    def tell_health(self) -> None:
+    def report_health(self) -> None:
         """Send the health if it is due."""
         if not self._bank.complete:
             status = "waiting for samples"
@@ -345,17 +344,17 @@ class Searcher:
         self._frame.report(status, counters=self.counters)
 
     def counters(self) -> dict[str, float]:
-        """Count, and say how old the samples were when they had been searched."""
+        """Counters of the bank, and the latencies of searched samples."""
         return self._bank.counters() | self._latencies.counters()
 
 
 def detect_all(searcher: Searcher, receiver: ChannelReceiver) -> None:
-    """Process every block that waits and send what was found."""
+    """Search every waiting block and send the pulses found."""
     while blocks := receiver.receive():
         for block in blocks:
             searcher.send(block)
         # After a restart seconds of samples may wait here; it must not seem dead meanwhile.
-        searcher.tell_health()
+        searcher.report_health()
     if receiver.complete:
         searcher.flush()
 

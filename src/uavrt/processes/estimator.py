@@ -1,8 +1,7 @@
-"""The estimator process: bearings on the drone, for a ground that hears few of its pulses.
+"""The estimator process: bearings on the drone, for a ground that receives few of its pulses.
 
-An onlooker like the gateway: it takes pulses and poses from the hub and gives bearings, at a
-low priority. Each bearing says what all pulses of a turn say together, so that one message that
-arrives is worth all those that were lost before it.
+It takes pulses and poses from the hub and sends bearings, at a low priority. Each bearing sums
+up all pulses of a turn, so one message that arrives replaces many lost ones.
 """
 
 import os
@@ -13,21 +12,21 @@ from uavrt.ipc.process import ProcessFrame
 from uavrt.localization.live_bearings import LiveBearings
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Health, LiveBearing, Poses, PulsePose
-from uavrt.on_ground import told_of_ground
+from uavrt.on_ground import ground_state
 from uavrt.units import ns_from_s
 
 log = get_logger()
 
 NICENESS = 10
-"""It must not take time from the detectors."""
+"""Low priority, so that it takes no time from the detectors."""
 TICK_S = 0.2
 REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
-"""A turn's last bearing is sent again so long after it: at 50 % loss one of the six copies
-arrives with 98 %."""
+"""Times after which a turn's last bearing is repeated [ns]. With 50 % packet loss, one of the
+six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
-"""Between two messages: 64 bytes four times a second is a fifth of the slowest link."""
+"""Shortest time between two messages [ns]; 64 bytes each, a fifth of the slowest link."""
 SHARE = 9
-"""Estimates run again after nine times as long as they took: at most a tenth of a core."""
+"""Ratio of waiting to computing time; estimates use at most a tenth of a core."""
 
 
 @dataclass(slots=True)
@@ -38,7 +37,7 @@ class _Waiting:
 
 
 class Outgoing:
-    """Which bearing goes next; the newest of each tag and turn, spaced out."""
+    """Queue of bearings: the newest of each tag and turn, spaced in time."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[int, int], _Waiting] = {}
@@ -48,15 +47,15 @@ class Outgoing:
         return sum(not one.sent for one in self._waiting.values())
 
     def put(self, bearing: LiveBearing, now_ns: int) -> None:
-        """Take a bearing in place of the one before of its tag and turn."""
+        """Add a bearing, replacing the last one of its tag and turn."""
         key = (bearing.tag_id, bearing.start_time_ns)
         before = self._waiting.get(key)
-        # One that waits keeps its turn: a hundred tags with new pulses must all get theirs.
+        # A waiting bearing keeps its place, so that each of a hundred tags gets its turn.
         due_ns = before.due_ns if before is not None and not before.sent else now_ns
         self._waiting[key] = _Waiting(bearing, due_ns)
 
     def take(self, now_ns: int) -> LiveBearing | None:
-        """Return the bearing that is due, if it is time."""
+        """Return the bearing that is due, if any."""
         if now_ns < self._next_ns or not self._waiting:
             return None
         key, first = min(self._waiting.items(), key=lambda item: item[1].due_ns)
@@ -71,12 +70,12 @@ class Outgoing:
         return first.bearing
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Remove all bearings."""
         self._waiting.clear()
 
 
 class Estimation:
-    """The state of the process; see the module's text."""
+    """State of the process: the stage, and the bearings to send."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
@@ -98,14 +97,14 @@ class Estimation:
             case Poses():
                 self._stage.add_poses(record.poses)
             case Health(process="connection"):
-                self._stage.add_state(record.time_ns, *told_of_ground(record))
+                self._stage.add_state(record.time_ns, *ground_state(record))
             case FlightInfo() if topic == "flight":
                 self._stage.begin(record.tags)
                 self._outgoing.clear()
                 self._next_ns = 0  # by another clock
 
     def tick(self) -> None:
-        """Estimate if there is something new, and send what is due."""
+        """Estimate if there are new pulses, and send the bearing that is due."""
         now_ns = self._frame.clock.now_ns()
         if self._new and now_ns >= self._next_ns:
             self._new = False
@@ -130,14 +129,14 @@ class Estimation:
 
 
 def main() -> None:
-    """Estimate until told to stop."""
+    """Estimate until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         try:
             estimation = Estimation(frame)
         except UsageError as error:
             log.error("no bearings", reason=str(error))
-            frame.tell(4, f"no bearings on the drone: {error.message}")
+            frame.notify(4, f"no bearings on the drone: {error.message}")
             frame.idle(error.message)
             return
         while frame.running:

@@ -1,4 +1,4 @@
-"""The autopilot's own fence, read over its link for the guide. No I/O.
+"""Reads the autopilot's own fence over its link, for the guide. No I/O.
 
 It is read when the autopilot is found and, as it may change, every half minute while nothing is
 flown.
@@ -23,7 +23,7 @@ AGAIN_S = 30.0
 
 
 class FenceWatch:
-    """The state of the watch.
+    """State of the reading.
 
     `send`: sends a message to the autopilot.
     `report`: takes what was read.
@@ -43,7 +43,7 @@ class FenceWatch:
         self._counted: Counter[str] = Counter()
 
     def autopilot_found(self) -> None:
-        """Know nothing: it is another autopilot, or the first."""
+        """Discard the fence, since the autopilot may be another one."""
         self._download, self._known, self._next_s = None, None, -inf
 
     def vehicle(self, message: Message, now_s: float) -> None:
@@ -55,7 +55,7 @@ class FenceWatch:
             self._end(download)
 
     def tick(self, now_s: float, *, resting: bool) -> None:
-        """Ask for what is due; nothing new while something is flown."""
+        """Request what is due; start no new reading while something is flown."""
         if self._download is None and resting and now_s >= self._next_s:
             own = self._place()
             peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)
@@ -71,7 +71,7 @@ class FenceWatch:
             self._report(self._known)
 
     def counters(self) -> dict[str, float]:
-        """What was read and asked for again, for a health record."""
+        """Counts of readings and repeated requests, for a health record."""
         return {f"fence_{name}": float(count) for name, count in self._counted.items()}
 
     def _end(self, download: MissionDownload) -> None:

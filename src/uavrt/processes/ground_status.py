@@ -1,7 +1,7 @@
-"""What the drone tells of itself: heartbeat, detectors, texts, the computer's load.
+"""Status of the drone for the ground: heartbeat, detectors, texts, the computer's load.
 
-Belongs to the connection process. All of it shares a link that may carry 1200 bytes a second,
-so each kind has its own pace.
+Belongs to the connection process. All share a link that may carry only 1200 bytes a second, so
+each kind has its own rate.
 """
 
 import os
@@ -26,19 +26,20 @@ from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
-"""250 bytes: 2 % of the slowest link."""
+"""Time between two reports of the computer's load [ns]; 250 bytes, 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 AGAIN_NS = ns_from_s(30.0)
-"""Between two reports of a fault that lasts; 200 bytes, under 1 % of the slowest link."""
+"""Time between two reports of a lasting fault [ns]; 200 bytes, below 1 % of the slowest
+link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
-"""Between two reports of the same tag; they share the link with its pulses."""
+"""Time between two search reports of the same tag [ns]; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
-"""Between two signs of life of a tag's detector: the original's ground station expects one in
-(K + 1) intervals and a second, about 6 s."""
+"""Time between two signs of life of a tag's detector [ns]. The original ground station expects
+one within K + 1 intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""With many tags ever less often: they never take more than 10 small messages a second."""
+"""Additional time for each tag [ns], which limits them to 10 small messages a second."""
 BEEP_NS = ns_from_s(5.0)
-"""Between two messages on what beeps; all of them go out again and again, in turn."""
+"""Time between two reports of beeping senders, which are repeated in turn [ns]."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -48,9 +49,8 @@ UNKNOWN_U32 = 0xFFFFFFFF
 class GroundStatus:
     """Decides which status messages are due.
 
-    `exchange`: writes payloads in the ground's generation.
-    `root`: the place whose free space is reported.
-    `disk`: asks for that space; at once by default.
+    `exchange`: writes payloads in the ground's generation. `root`: the place whose free space
+    is reported. `disk`: queries that space; inline by default.
     """
 
     def __init__(
@@ -64,12 +64,12 @@ class GroundStatus:
         self._asking = False
         self._limiter = TextLimiter()
         self._tag_limiter = TextLimiter()
-        """Of their own, so that many tags leave no warning out."""
+        """A limit of its own, so that many tags suppress no warning."""
         self._beeps: list[Beep] = []
         self._ppm: float | None = None
         self._next_beep = 0
         self.beeps_left_out = 0
-        """Beeps that were too many to be repeated."""
+        """Beeping senders too many to be repeated."""
         self._next_ns: dict[str, int] = {}
         self._state: SystemState | None = None
         """State in the last heartbeat."""
@@ -80,15 +80,15 @@ class GroundStatus:
 
     @property
     def texts_left_out(self) -> int:
-        """Texts that were too many."""
+        """Texts dropped as too many."""
         return self._limiter.left_out + self._tag_limiter.left_out
 
     def tags(self, count: int) -> None:
-        """Take how many tags there are."""
+        """Set the number of tags."""
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
-        """Send the periodic messages that are due; a heartbeat also when the state changed."""
+        """Send the periodic messages that are due; a heartbeat also on a change of state."""
         if state is not self._state:
             self._state = state
             self._next_ns.pop("heartbeat", None)
@@ -99,7 +99,7 @@ class GroundStatus:
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
             self._send_beep()
         if self._due("computer", COMPUTER_NS, now_ns):
-            self._tell_computer()
+            self._report_computer()
 
     def begin_flight(self, shift_ns: int) -> None:
         """Report in the time of a new flight, and forget what beeped in the one before."""
@@ -111,13 +111,13 @@ class GroundStatus:
         self._beeps.clear()
 
     def radio_set(self, radio: RadioSettings) -> None:
-        """Forget what beeped where the correction of the radio's frequency is another."""
+        """Discard the beeping senders if the radio's frequency correction has changed."""
         if radio.frequency_correction_ppm != self._ppm:
             self._ppm = radio.frequency_correction_ppm
             self._beeps.clear()
 
     def beep(self, beep: Beep) -> None:
-        """Take a sender of pulses, or a newer measurement of one."""
+        """Add a beeping sender, or a newer measurement of one."""
         keep_beep(self._beeps, beep)
         self.beeps_left_out += drop_beeps(self._beeps)
         if beep in self._beeps:
@@ -138,7 +138,7 @@ class GroundStatus:
     def faults(
         self, processes: Sequence[ProcessStatus], now_ns: int, *, newcomer: bool
     ) -> None:
-        """Repeat why processes are not ok, for stations that did not get the first report.
+        """Repeat why processes are not ok, for stations that missed the first report.
 
         `newcomer`: a station has just appeared, which gets it at once.
         """
@@ -161,14 +161,14 @@ class GroundStatus:
         return allowed
 
     def search_report(self, report: SearchReport, now_ns: int) -> None:
-        """A tag was searched: tell it from time to time."""
+        """Report from time to time that a tag is searched."""
         if self._due(f"search {report.tag_id}", SEARCH_REPORT_NS, now_ns):
             self._send(self._exchange.search_report(report))
         else:
             self.detector_alive(report.tag_id, now_ns)
 
     def detector_alive(self, tag_id: int, now_ns: int) -> None:
-        """A tag's detector has said something."""
+        """Note a report of a tag's detector."""
         period_ns = max(ALIVE_NS, ALIVE_PER_TAG_NS * self._tags)
         if self._due(f"alive {tag_id}", period_ns, now_ns):
             self._send(self._exchange.detector_heartbeat(tag_id, now_ns + self._shift_ns))
@@ -183,10 +183,10 @@ class GroundStatus:
         if payload is not None:
             self._sender.send_tunnel(payload, Priority.STATUS)
 
-    def _tell_computer(self) -> None:
-        """Report the computer's load and free space; while the disk stalls, the last known.
+    def _report_computer(self) -> None:
+        """Report load and free space; the last known while the disk stalls.
 
-        Asked again and again it would keep file clients from the disk when it comes back.
+        Repeated queries would delay file clients when the disk recovers.
         """
         asked = not self._asking
         if asked:
@@ -202,7 +202,7 @@ class GroundStatus:
         self._sender.send_message(self._computer_status())
 
     def _computer_status(self) -> OnboardComputerStatus:
-        """Load, memory and space of this computer; the rest is unknown."""
+        """Load, memory and space of this computer; other fields stay unknown."""
         before, self._busy = self._busy, _busy_ticks()
         ticks = self._busy[1] - before[1]
         load = round(100 * (self._busy[0] - before[0]) / ticks) if ticks > 0 else UNKNOWN_U8
@@ -235,7 +235,7 @@ class GroundStatus:
 
 
 def cpu_temperature_c() -> float | None:
-    """Temperature of the processor [°C], None where the system does not say."""
+    """Temperature of the processor [°C]; None if the system does not report it."""
     try:
         return int(THERMAL_ZONE.read_text()) / 1000.0
     except (OSError, ValueError):

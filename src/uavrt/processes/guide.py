@@ -517,7 +517,7 @@ class Guide:
             self._frame.send("search_note", note)
             log.info("search", what=note.event, text=note.text, reason=note.reason)
             if note.event != "decision":
-                self._frame.tell(5, f"Search: {note.text}")
+                self._frame.notify(5, f"Search: {note.text}")
 
     def _end_search(self, now: VehicleNow | None, reason: str) -> None:
         """Let the search sum up; whatever it still thinks moves nothing."""

@@ -1,12 +1,11 @@
-"""Abort a search that hangs, and name the tag it was for.
+"""Abort a search that hangs, and identify the tag it was for.
 
-Whoever searches says whose turn it is (`DetectorGroup.in_hand`). A timer of processor time
-looks at that; the same turn for several looks in a row is a search that hangs. It is broken off
-by an exception, and the process lives on: the supervisor would kill it for its silence, without
-knowing for which of its tags.
+A timer of processor time checks which tag's turn it is (`DetectorGroup.in_hand`); the same turn
+at several checks in a row is a hang. An exception ends it and the process lives on, whereas the
+supervisor would kill it without knowing the tag.
 
-Processor time, so that a computer that stands still, or a process that was stopped, is nobody's
-fault. What hangs in one call of a library is not broken off; the supervisor ends that.
+Processor time does not count a stopped process or computer. A hang inside one library call is
+left to the supervisor.
 """
 
 import signal
@@ -15,10 +14,10 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 
 LOOK_S = 0.8
-"""Processor time between two looks."""
+"""Processor time between two checks [s]."""
 LOOKS = 5
-"""Looks at the same turn, 3.2 to 4 s: the supervisor waits 5 s for a sign of life. The longest
-turn of a tag takes some tenths of a second on a small computer."""
+"""Checks at the same turn that mean a hang: 3.2 to 4 s. The supervisor waits 5 s for a sign of
+life; a tag's longest turn takes some tenths of a second."""
 
 
 class SearchHangs(RuntimeError):
@@ -26,10 +25,9 @@ class SearchHangs(RuntimeError):
 
 
 class HangWatch:
-    """A reusable context that watches a search.
+    """A reusable context that raises `SearchHangs` within it when a turn does not end.
 
-    `turn`: gives whose turn it is: another object at each turn.
-    Raises `SearchHangs`: within the context: the turn does not end.
+    `turn`: returns the present turn, another object for each.
     """
 
     def __init__(self, turn: Callable[[], object]) -> None:

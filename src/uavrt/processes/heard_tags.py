@@ -7,12 +7,12 @@ from uavrt.units import s_from_ns
 
 SILENCE_S = 30.0
 SILENCE_INTERVALS = 10
-"""A tag is re-found after this silence, of the two the longer: a turn of the drone with the
-antenna's back to the tag takes less, and a lost group or two is none."""
+"""Silence after which a tag counts as found again [pulse intervals; s], the longer one. Longer
+than the antenna's back takes in a turn, or one or two lost groups."""
 
 
 class HeardTags:
-    """Says which text is due; one that could not be sent is due again with the next pulse.
+    """Decides which text is due; one that could not be sent is due again with the next pulse.
 
     `tags`: of the flight, for their names and intervals.
     """
@@ -21,14 +21,14 @@ class HeardTags:
         self.begin_flight(tags)
 
     def begin_flight(self, tags: Iterable[Tag]) -> None:
-        """Forget what was heard."""
+        """Reset for a new flight."""
         self._tags = {tag.tag_id: tag for tag in tags}
         self._last_ns: dict[int, int] = {}
         self._due: dict[int, float | None] = {}
-        """Tags of which a text is due, with the silence before [s], None at the first time."""
+        """Tags with a text due, and the silence before [s]; None for the first time."""
 
     def heard_before(self, ends_ns: Mapping[int, int]) -> None:
-        """Know when tags were last heard in this flight before this process began."""
+        """Set when tags were last received in this flight, before this process started."""
         for tag_id, end_ns in ends_ns.items():
             self._last_ns[tag_id] = max(end_ns, self._last_ns.get(tag_id, end_ns))
             if tag_id in self._due and self._due[tag_id] is None:

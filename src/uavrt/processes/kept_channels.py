@@ -1,4 +1,4 @@
-"""The channels that a flight keeps, as the process that makes them sees it."""
+"""Record the channels of a flight from within the process that makes them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +9,7 @@ from uavrt.recording.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Gives channels to their recorder, and tells what becomes of them.
+    """Passes channels to their recorder, and reports drops.
 
     `switched_on`: False keeps none, whatever the settings say.
     """
@@ -17,8 +17,8 @@ class KeptChannels:
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True
     ) -> None:
-        self._tell = frame.tell
-        self._told_drop = self._told_ring = False
+        self._notify = frame.notify
+        self._drop_reported = self._ring_reported = False
         self._recorder: ChannelRecorder | None = None
         settings = frame.assignment.settings
         self._budget_mb = settings.recording.channels_mb
@@ -34,15 +34,15 @@ class KeptChannels:
         """Take the channels of one radio block; never waits."""
         if self._recorder is not None and channels:
             self._recorder.put(channels)
-            self._tell_once(self._recorder)
+            self._report_once(self._recorder)
 
-    def _tell_once(self, recorder: ChannelRecorder) -> None:
-        if recorder.dropped_samples and not self._told_drop:
-            self._told_drop = True
-            self._tell(5, "Disk: channel samples dropped. Detection goes on")
-        if recorder.removed_pieces and not self._told_ring:
-            self._told_ring = True
-            self._tell(6, f"Kept channels: {self._budget_mb:.0f} MB used, oldest go")
+    def _report_once(self, recorder: ChannelRecorder) -> None:
+        if recorder.dropped_samples and not self._drop_reported:
+            self._drop_reported = True
+            self._notify(5, "Disk: channel samples dropped. Detection goes on")
+        if recorder.removed_pieces and not self._ring_reported:
+            self._ring_reported = True
+            self._notify(6, f"Kept channels: {self._budget_mb:.0f} MB used, oldest go")
 
     def close(self) -> None:
         """Write what waits."""
@@ -50,7 +50,7 @@ class KeptChannels:
             self._recorder.close()
 
     def counters(self) -> Mapping[str, float]:
-        """Count what was kept, dropped and removed."""
+        """Counts of samples kept, dropped and removed."""
         recorder = self._recorder
         if recorder is None:
             return {}

@@ -1,4 +1,4 @@
-"""How old samples are when they have been searched: the median and the slowest hundredth."""
+"""Age of samples when they have been searched: median and 99th percentile."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ MOST_MS = 10_000
 
 
 class Latencies:
-    """Counts latencies in steps of a millisecond, over the last half to whole minute."""
+    """Histogram of latencies in steps of a millisecond, over the last half to whole minute."""
 
     def __init__(self) -> None:
         self._past = np.zeros(MOST_MS + 1, np.int32)
@@ -25,7 +25,7 @@ class Latencies:
         self._present[min(max(step, 0), MOST_MS)] += 1
 
     def percentile_ms(self, percent: float) -> float | None:
-        """Get the latency that so many per cent do not exceed; None without any."""
+        """The latency that this percentage does not exceed [ms]; None without any."""
         up_to = np.cumsum(self._past + self._present)
         if not up_to[-1]:
             return None
@@ -33,7 +33,7 @@ class Latencies:
         return min(step + 1, MOST_MS) * STEP_MS
 
     def counters(self) -> dict[str, float]:
-        """Get both figures, rounded up to a millisecond."""
+        """Both percentiles, rounded up to a millisecond."""
         median_ms, slow_ms = self.percentile_ms(50.0), self.percentile_ms(99.0)
         if median_ms is None or slow_ms is None:
             return {}

@@ -1,8 +1,7 @@
-"""Pulses whose pose has not come and may never come: the recorder fills them in.
+"""Fills in poses of pulses that the connection can no longer provide.
 
-The connection gives each pulse its pose. When it is killed or stopped, the pulses that wait
-there are gone with it; the recorder has them all the same, and its recorded poses of the
-vehicle. Belongs to the recorder process.
+The connection gives each pulse its pose. If it is killed or stopped, the pulses waiting there
+lose theirs; the recorder has those pulses, and the vehicle's recorded poses.
 """
 
 from collections import OrderedDict
@@ -15,17 +14,15 @@ from uavrt.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 from uavrt.units import ns_from_s
 
 REACH_NS = ns_from_s(MAX_GAP_S + MAX_EXTRAPOLATION_S)
-"""Poses farther from a pulse say nothing of it."""
+"""Largest time between a pulse and a pose that is used for it [ns]."""
 MOST_POSES = 200
 
 
 class AwaitedPoses:
-    """Pulses still waiting for their pose, and those that wait in vain.
+    """Pulses still waiting for their pose, and those whose pose will not come.
 
-    The poses of a tag's pulses come in the order of the pulses. So a pulse waits in vain when
-    the pose of a later one of its tag has come, or when it has waited too long.
-
-    `patience_s`: longest time that a pose may take.
+    The poses of a tag's pulses come in the order of the pulses. So a pose is lost when that of
+    a later pulse has come, or after `patience_s`.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -36,12 +33,12 @@ class AwaitedPoses:
         return sum(map(len, self._tags.values()))
 
     def add(self, pulse: Pulse, now_s: float) -> None:
-        """Add a pulse; one that waits already goes on waiting."""
+        """Add a pulse; one that is waiting already keeps its time."""
         waiting = self._tags.setdefault(pulse.tag_id, OrderedDict())
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
 
     def came(self, pulse: Pulse) -> list[Pulse]:
-        """Note a pulse's pose; get those before it, which wait in vain."""
+        """Note a pulse's pose; get the earlier pulses of its tag, whose poses are lost."""
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []
@@ -65,16 +62,14 @@ class AwaitedPoses:
         return vain
 
     def all(self) -> list[Pulse]:
-        """Get all of them, at the end of a flight."""
+        """Get all waiting pulses, at the end of a flight."""
         return self.overdue(float("inf"))
 
 
 def made_up(pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings) -> PulsePose:
-    """Give a pulse the antenna's pose by recorded poses of the vehicle.
+    """Give a pulse the antenna's pose from recorded vehicle poses, if they are near enough.
 
-    `poses`: of the vehicle, around the pulse's centre, in the order of time.
-    `antenna`: how the antenna sits on the vehicle.
-    Returns: without a pose when those recorded are too far from the pulse (`PoseRing`).
+    `poses`: around the pulse's centre, in the order of time. `antenna`: its mounting.
     """
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:

@@ -1,6 +1,6 @@
-"""SNR and count of each tag as named numbers, for ground stations that do not know our pulses.
+"""SNR and count of each tag as named values, for ground stations without our messages.
 
-They never hold up a pulse: they leave when no pulse waits, and few of them.
+They are sent at a low rate, and only when no pulse waits.
 """
 
 from collections import Counter, OrderedDict, deque
@@ -13,20 +13,19 @@ from uavrt.messages import Pulse
 from uavrt.units import ns_from_s
 
 PERIOD_NS = ns_from_s(0.25)
-"""Four messages of at most 30 bytes a second: a tenth of the slowest link."""
+"""Time between two messages [ns]; at most 30 bytes each, a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
-"""Between two values of the same tag."""
+"""Time between two values of the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""What could not leave for so long is no news any more; the next pulse brings the count."""
+"""Age at which an unsent value is dropped [ns]; the next pulse brings the count."""
 NS_PER_MS = 1_000_000
 
 
 class NamedValues:
-    """A source of messages (`uavrt.mavlink.pacing.Source`): what each tag's newest pulse says.
+    """A source of messages (`uavrt.mavlink.pacing.Source`): each tag's newest SNR and count.
 
-    `which`: SNR and count, the SNR alone, or nothing.
-    `wanted`: whether a station is there that needs them.
-    `pulses_wait`: whether pulses are still to be sent.
+    `which`: SNR and count, the SNR alone, or nothing. `wanted`: whether a station is there that
+    needs them. `pulses_wait`: whether pulses are still to be sent.
     """
 
     def __init__(
@@ -40,19 +39,19 @@ class NamedValues:
         self._wanted, self._pulses_wait = wanted, pulses_wait
         self._counts: Counter[int] = Counter()
         self._news: OrderedDict[int, tuple[int, float]] = OrderedDict()
-        """When a tag was last heard and its SNR; who waits longest is first."""
-        self._told_ns: dict[int, int] = {}
+        """Time and SNR of each tag's last pulse, in the order of sending."""
+        self._sent_ns: dict[int, int] = {}
         self._outgoing: deque[NamedValueFloat] = deque()
         self._free_ns = 0
 
     def begin_flight(self) -> None:
-        """Count from zero."""
+        """Reset the counts."""
         self._counts.clear()
         self._news.clear()
         self._outgoing.clear()
 
     def heard_before(self, counts: Mapping[int, int]) -> None:
-        """Count on from what was heard in this flight before this process began."""
+        """Set counts from earlier in this flight, before this process started."""
         self._counts.update(counts)
 
     def heard(self, pulse: Pulse, now_ns: int) -> None:
@@ -62,7 +61,7 @@ class NamedValues:
             self._news[pulse.tag_id] = now_ns, pulse.snr_db
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until there is one; None when there is none."""
+        """Time until one is due [ns]; None without any."""
         if not self._wanted() or self._pulses_wait():
             return None
         gap_ns = max(0, self._free_ns - now_ns)
@@ -85,7 +84,7 @@ class NamedValues:
     def _write_next(self, now_ns: int) -> None:
         tag_id = next(tag for tag in self._news if not self._wait_of(tag, now_ns))
         _, snr_db = self._news.pop(tag_id)
-        self._told_ns[tag_id] = now_ns
+        self._sent_ns[tag_id] = now_ns
         values = {"SNR": snr_db}
         if self._which == "all":
             values["CNT"] = float(self._counts[tag_id])
@@ -99,8 +98,8 @@ class NamedValues:
             )
 
     def _wait_of(self, tag_id: int, now_ns: int) -> int:
-        told_ns = self._told_ns.get(tag_id)
-        return 0 if told_ns is None else max(0, told_ns + TAG_PERIOD_NS - now_ns)
+        sent_ns = self._sent_ns.get(tag_id)
+        return 0 if sent_ns is None else max(0, sent_ns + TAG_PERIOD_NS - now_ns)
 
     def _forget_stale(self, now_ns: int) -> None:
         stale = [tag for tag, (at_ns, _) in self._news.items() if now_ns - at_ns > FRESH_NS]

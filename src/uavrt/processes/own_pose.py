@@ -1,7 +1,7 @@
-"""Place and heading where there is no autopilot: written down, or told by a GPS receiver.
+"""Place and heading of a station without autopilot: from settings or a GPS receiver.
 
-A mast has a place and a heading that somebody measured; a person or a cart has a receiver that
-speaks NMEA or stands behind gpsd, with a compass or a heading that is typed while walking.
+A mast has a measured place and heading. A person or a cart has a receiver with NMEA or gpsd,
+and a compass or a heading typed while walking.
 """
 
 import asyncio
@@ -23,25 +23,25 @@ from uavrt.units import ns_from_s, wrap_degrees_360
 log = get_logger()
 
 FIXED_PERIOD_S = 0.5
-"""Poses of a mast are interpolated between two of these."""
+"""Time between two poses of a mast, which are interpolated [s]."""
 CLOSEST_NS = ns_from_s(0.02)
-"""Receivers tell 1 to 20 places a second; what comes faster is a flood."""
+"""Least time between two places [ns]; receivers send 1 to 20 a second, more is a flood."""
 SILENCE_NS = ns_from_s(5.0)
-"""A receiver tells its place once a second; after this it is no longer known."""
+"""Time after which a place is outdated [ns]; receivers send one a second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
-"""A sentence without altitude is passed over so long after one with it: the same fix."""
+"""Time for which places without altitude are dropped after one with it [ns]."""
 ASK_AGAIN_S = 3.0
-"""gpsd tells nothing before it is asked, and forgets it with the connection."""
+"""Time between requests to a silent gpsd, which forgets them with the connection [s]."""
 GPSD = "127.0.0.1:2947"
-"""Where gpsd listens."""
+"""Default address of gpsd."""
 WAIT_S = 1.5
-"""A pulse waits for the receiver's next place, which comes once a second."""
+"""Longest wait of a pulse for the receiver's next place, sent once a second [s]."""
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
-    """Get where the receiver is; None for a mast.
+    """Get the receiver's address; None for a mast.
 
-    Raises `ConfigError`: a setting is missing, or the address is none.
+    Raises `ConfigError` if a setting is missing or the address is invalid.
     """
     if settings.source == "fixed":
         missing = [
@@ -52,8 +52,8 @@ def pose_address(settings: PoseSettings) -> Address | None:
         if missing:
             raise ConfigError(
                 f"a fixed station needs {', '.join(missing)}",
-                remedy="Write it into [pose] of the settings; with an antenna that hears alike "
-                "all around, heading_deg = 0 does",
+                remedy="Write it into [pose] of the settings; for an omnidirectional antenna, "
+                "heading_deg = 0 does",
             )
         return None
     if settings.source == "gpsd":
@@ -75,10 +75,8 @@ def pose_address(settings: PoseSettings) -> Address | None:
 class OwnPose:
     """Gives samples of place and heading.
 
-    `settings`: of any source but the autopilot.
-    `clock_ns`: our clock [ns, UTC].
-    `attitude`, `position`: take the samples.
-    Raises `ConfigError`: see `pose_address`.
+    `settings`: with any source but the autopilot. `clock_ns`: our clock [ns, UTC]. `attitude`,
+    `position`: receive the samples. Raises `ConfigError`: see `pose_address`.
     """
 
     def __init__(
@@ -98,10 +96,10 @@ class OwnPose:
         self._heading_ns: int | None = None
         self._altitude_ns: int | None = None
         self.counters: Counter[str] = Counter()
-        """Places and headings taken, and what was passed over."""
+        """Counts of places and headings used, and of what was dropped."""
 
     def use(self, settings: PoseSettings) -> None:
-        """Take another heading, typed while it runs."""
+        """Set the typed heading while it runs."""
         self._settings = settings
 
     @property
@@ -120,8 +118,8 @@ class OwnPose:
         """Counts with names for a health record."""
         counts = {f"pose_{name}": float(count) for name, count in self.counters.items()}
         if self._link is not None:
-            told = self._link.counters
-            counts |= {"pose_refused": told.bad_crc, "pose_skipped_bytes": told.skipped_bytes}
+            link = self._link.counters
+            counts |= {"pose_refused": link.bad_crc, "pose_skipped_bytes": link.skipped_bytes}
         return counts
 
     async def run(self) -> None:
@@ -136,7 +134,7 @@ class OwnPose:
             await self._read(self._address, self.take_sentence, SentenceParser())
 
     def take_sentence(self, sentence: Sentence) -> None:
-        """Take a sentence of NMEA."""
+        """Handle an NMEA sentence."""
         heading_deg, place = sentence.heading_deg, sentence.place
         if heading_deg is not None:
             self._heading(heading_deg)
@@ -144,7 +142,7 @@ class OwnPose:
             self._place(*place, sentence.altitude_amsl_m)
 
     def take_report(self, report: GpsdReport) -> None:
-        """Take a report of gpsd."""
+        """Handle a gpsd report."""
         if report.heading_deg is not None:
             self._heading(report.heading_deg)
         if report.place is not None:
@@ -154,10 +152,10 @@ class OwnPose:
         self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float | None
     ) -> None:
         now_ns = self._clock_ns()
-        told = self._altitude_ns
+        altitude_ns = self._altitude_ns
         if altitude_amsl_m is not None:
             self._altitude_ns = now_ns
-        elif told is not None and now_ns - told < ALTITUDE_HOLDS_NS:
+        elif altitude_ns is not None and now_ns - altitude_ns < ALTITUDE_HOLDS_NS:
             self.counters["places_without_altitude"] += 1
             return
         if self._place_ns is not None and 0 <= now_ns - self._place_ns < CLOSEST_NS:
@@ -181,7 +179,7 @@ class OwnPose:
             self._look(settings.heading_deg, now_ns)
 
     def _heading(self, heading_deg: float) -> None:
-        """Take a compass's heading; one that is typed goes before it."""
+        """Use a compass heading, unless one is typed."""
         now_ns = self._clock_ns()
         if self._settings.heading_deg is not None:
             self.counters["compass_passed_over"] += 1
@@ -213,10 +211,10 @@ class OwnPose:
         await keep_open(address, take, parser, opened=self._opened, failed=self._failed)
 
     async def _ask(self) -> None:
-        """Ask gpsd for reports whenever it tells none."""
+        """Request reports from gpsd while none come."""
         while True:
-            told = max(self._place_ns or 0, self._heading_ns or 0)
-            if self._link is not None and self._clock_ns() - told > ns_from_s(ASK_AGAIN_S):
+            last_ns = max(self._place_ns or 0, self._heading_ns or 0)
+            if self._link is not None and self._clock_ns() - last_ns > ns_from_s(ASK_AGAIN_S):
                 self._link.send(WATCH)
             await asyncio.sleep(ASK_AGAIN_S if self._link else 0.1)
 

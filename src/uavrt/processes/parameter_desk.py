@@ -1,7 +1,7 @@
 """Parameters of the drone side, as ground stations list and set them.
 
 Joins the wire (`uavrt.mavlink.parameters`) to the table (`uavrt.config.parameters`) and to the
-supervisor, who alone changes a setting. Belongs to the connection process.
+supervisor, which alone changes a setting. Belongs to the connection process.
 """
 
 from collections import OrderedDict
@@ -32,11 +32,9 @@ PENDING = 64
 class ParameterDesk:
     """Answers requests and passes changes to the supervisor.
 
-    `bytewise`: whether whole numbers travel as bytes.
-    `send`: sends a value to the ground: to who asked, or to all (None).
-    `ask`: gives a command to the supervisor.
-    `tell`: sends a text to the operator.
-    `running`: whether detection runs already.
+    `bytewise`: whether whole numbers travel as bytes. `send`: sends a value to one station, or
+    to all (None). `ask`: gives a command to the supervisor. `notify`: sends a text to the
+    operator. `running`: whether detection runs already.
     """
 
     def __init__(
@@ -46,7 +44,7 @@ class ParameterDesk:
         *,
         send: Callable[[ParamValue, Peer | None], None],
         ask: Callable[[Command], None],
-        tell: Callable[[StatusText], None],
+        notify: Callable[[StatusText], None],
         running: bool = False,
     ) -> None:
         self._settings = settings
@@ -61,7 +59,7 @@ class ParameterDesk:
             types,
             bytewise,
         )
-        self._send, self._ask, self._tell = send, ask, tell
+        self._send, self._ask, self._notify = send, ask, notify
         self._pending: OrderedDict[int, tuple[str, Peer]] = OrderedDict()
         self.refused = 0
 
@@ -76,10 +74,8 @@ class ParameterDesk:
     ) -> None:
         """Handle a request.
 
-        `message`: what is asked.
-        `refusal`: why this asker may not change anything.
-        `request_id`: number for the command, if it becomes one.
-        `sealed`: it came with a seal of the drone's key.
+        `refusal`: why this station may not change anything. `request_id`: number for the
+        command, if it becomes one. `sealed`: it came with a seal of the drone's key.
         """
         answer = self._server.receive(message)
         if isinstance(answer, list):
@@ -126,7 +122,7 @@ class ParameterDesk:
         self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
-        """Handle the supervisor's answer: the asker hears the value in force, and why not.
+        """Handle the supervisor's answer: report the value in force, and why it was refused.
 
         Changed settings come before the reply, so the value is the new one.
         """
@@ -139,7 +135,7 @@ class ParameterDesk:
             self._refuse(name, reply.message, peer)
 
     def changed(self, settings: Settings) -> None:
-        """Apply changed settings; what somebody else has set is shown, too."""
+        """Apply changed settings, and report what another station has set."""
         before, now = parameter_values(self._settings), parameter_values(settings)
         self._settings = settings
         for name, value in now.items():
@@ -147,7 +143,7 @@ class ParameterDesk:
                 self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
-        """Take whether detection runs, and is to go on: whoever started or stopped it.
+        """Set whether detection runs and is to go on.
 
         The state comes before the reply to the command that has changed it.
         """
@@ -156,10 +152,10 @@ class ParameterDesk:
             self._send(self._server.value(RUN.name), None)
 
     def _is_pending(self, name: str) -> bool:
-        """Whether somebody waits to hear of a parameter anyhow."""
+        """Whether an answer for this parameter is due anyhow."""
         return any(name == wanted for wanted, _ in self._pending.values())
 
     def _refuse(self, name: str, reason: str, peer: Peer) -> None:
         self.refused += 1
         self._send(self._server.value(name), peer)
-        self._tell(StatusText(severity=4, text=reason))
+        self._notify(StatusText(severity=4, text=reason))

@@ -1,4 +1,4 @@
-"""Where the antenna is: keeps the vehicle's poses, records them, and gives each pulse its own.
+"""Keeps the vehicle's poses, records them, and gives each pulse the antenna's pose.
 
 The samples come from the autopilot over the link, or from the station itself (`own_pose`).
 """
@@ -29,28 +29,26 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 log = get_logger()
 
 POSE_PERIOD_NS = 50_000_000
-"""Recorded poses: 20 a second; the attitude comes 50 times a second, and a slerp over 50 ms
-errs by less than 0.1° when a turn of 60°/s begins."""
+"""Time between recorded poses [ns]. Interpolation over 50 ms errs by less than 0.1° when a turn
+of 60°/s begins."""
 OWN_POSE_PERIOD_NS = 250_000_000
-"""The same without an autopilot: a mast or a person turns no 60°/s."""
-TOLD_NS = NANOSECONDS_PER_SECOND
-"""How often such a station says where it is."""
+"""Time between recorded poses without an autopilot, where turns are slower [ns]."""
+REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
+"""Time between two reports of such a station's place [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
-"""How much time the poses of one record cover."""
+"""Time that the poses of one record cover [ns]."""
 POSES_KEPT_NS = 200 * POSE_PERIOD_NS
-"""After a longer pause, recording begins anew with the newest pose."""
+"""Pause after which recording restarts with the newest pose [ns]."""
 SAME_CLOCK_NS = 1_000_000
-"""At 30°/s a pose is 0.03° off after a millisecond: those that are known may stay."""
+"""Clock change below which known poses are kept [ns]; 0.03° at 30°/s."""
 
 
 class PoseDesk:
     """Takes samples of attitude and position; gives poses of pulses.
 
-    `settings`: antenna, and where poses come from.
-    `clock`: our clock; a flight's differs by `shift_ns`.
-    `record`: takes poses to be recorded.
-    `say`: takes what the ground should read about a station's own pose.
-    Raises `ConfigError`: see `uavrt.processes.own_pose.pose_address`.
+    `settings`: antenna, and source of the pose. `clock`: our clock; a flight's differs by
+    `shift_ns`. `record`: receives poses to record. `say`: receives texts on a station's own
+    pose. Raises `ConfigError`: see `uavrt.processes.own_pose.pose_address`.
     """
 
     def __init__(
@@ -79,7 +77,7 @@ class PoseDesk:
         self._attacher = PoseAttacher(self._ring, wait_s=wait_s)
         self._poses: list[Pose] = []
         self._next_pose_ns = 0
-        self._next_told_ns = 0
+        self._next_report_ns = 0
         self._missing: str | None = None
         self._on_stale_clock = 0
 
@@ -94,12 +92,12 @@ class PoseDesk:
             await self._own.run()
 
     def use(self, settings: PoseSettings) -> None:
-        """Take another heading, typed while it runs."""
+        """Set the typed heading while it runs."""
         if self._own is not None:
             self._own.use(settings)
 
     def use_clock(self, offset_ns: int) -> None:
-        """Give poses the time of the flight that begins, from here on."""
+        """Set the clock of the flight that begins."""
         before_ns, self.shift_ns = self.shift_ns, offset_ns - self._clock.offset_ns
         if abs(self.shift_ns - before_ns) > SAME_CLOCK_NS:
             self._ring.clear()
@@ -117,11 +115,11 @@ class PoseDesk:
             log.info("autopilot's clock known", **counters())
 
     def attitude(self, sample: AttitudeSample) -> None:
-        """Take an attitude, timed by our clock."""
+        """Add an attitude, timed by our clock."""
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
 
     def position(self, sample: PositionSample) -> None:
-        """Take a position, timed by our clock; record the poses that are known now."""
+        """Add a position, timed by our clock; record the poses that are known now."""
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -139,19 +137,19 @@ class PoseDesk:
 
     @property
     def pulses_waiting(self) -> int:
-        """Pulses that wait for their pose."""
+        """Pulses waiting for their pose."""
         return len(self._attacher)
 
     def add(self, pulse: Pulse) -> None:
-        """Take a pulse that needs its pose."""
+        """Add a pulse that needs its pose."""
         self._attacher.add(pulse, self._clock.now_ns() + self.shift_ns)
 
     def ready(self) -> list[PulsePose]:
-        """Get the pulses whose pose is known, or will not be."""
+        """Get the pulses whose pose is known, or will not come."""
         return self._marked(self._attacher.ready(self._clock.now_ns() + self.shift_ns))
 
     def flush(self) -> list[PulsePose]:
-        """Get all pulses that wait, with what is known."""
+        """Get all waiting pulses, with the poses known."""
         return self._marked(self._attacher.flush())
 
     def _marked(self, pulse_poses: list[PulsePose]) -> list[PulsePose]:
@@ -179,10 +177,10 @@ class PoseDesk:
         return missing
 
     def due(self, now_ns: int) -> Pose | None:
-        """Get where this station is, once a second; an autopilot says that by itself."""
-        if self._own is None or now_ns < self._next_told_ns:
+        """Get this station's place, once a second; an autopilot reports its own."""
+        if self._own is None or now_ns < self._next_report_ns:
             return None
-        self._next_told_ns = now_ns + TOLD_NS
+        self._next_report_ns = now_ns + REPORT_PERIOD_NS
         newest_ns = self._ring.newest_ns
         if newest_ns is None or now_ns + self.shift_ns - newest_ns > SILENCE_NS:
             return None

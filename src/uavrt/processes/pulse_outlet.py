@@ -1,8 +1,8 @@
-"""Pulses on their way to the ground: in memory, in the flight's database, delivered to whom.
+"""Pulses on their way to the ground: queued, stored, delivered.
 
 Joins the sender (`uavrt.tunnel.reliable`) to the spool (`uavrt.recording.spool`). Belongs to
-the connection process. The database is read where a slow disk does no harm (`Disk`): what is in
-memory goes on meanwhile.
+the connection process. `Disk` reads the database, so that a slow disk does not delay queued
+pulses.
 """
 
 from collections import OrderedDict, deque
@@ -27,18 +27,17 @@ FLIGHTS = 4
 """Flights whose pulses may still be on their way; as many as the recorder notes."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
-"""Deliveries that the recorder may not have noted yet: so many, and so long. It commits every
-three seconds; the rest of a longer delay is sent twice."""
+"""Deliveries that the recorder may not have noted yet: their number, and their age [ns]. It
+commits every three seconds; after a longer delay some pulses are sent twice."""
 REFILL_PERIOD_NS = ns_from_s(0.5)
 
 
 class PulseOutlet:
-    """Everything still to send.
+    """All pulses still to be sent.
 
-    `encode`: payload of a pulse in the ground's generation.
-    `note`: gets what was delivered, for the recorder.
-    `disk`: does what touches the disk; at once by default.
-    `first_refill_ns`: nothing is fetched from disk before.
+    `encode`: payload of a pulse in the ground's generation. `note`: receives deliveries, for
+    the recorder. `disk`: runs disk work; inline by default. `first_refill_ns`: time before
+    which nothing is read from disk.
     """
 
     def __init__(
@@ -62,9 +61,9 @@ class PulseOutlet:
         self.receipts = 0
 
     def flight(self, directory: str, *, resumed: bool = False) -> None:
-        """A flight has begun, or goes on after a restart of this process.
+        """Begin a flight, or continue it after a restart of this process.
 
-        Nothing is read from one that has just begun: the recorder is making its database.
+        A new flight is not read yet: the recorder is creating its database.
         """
         if directory not in self._flights:
             self._flights.append(directory)
@@ -72,7 +71,7 @@ class PulseOutlet:
             self.sender.disk_has_news()
 
     def disk_has_news(self) -> None:
-        """A pulse was recorded that is not known here."""
+        """Note that a pulse was recorded that is missing here."""
         self.sender.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:
@@ -84,8 +83,8 @@ class PulseOutlet:
     ) -> tuple[bool, float | None]:
         """Handle a ground station's receipt.
 
-        Returns (listens, round_trip_s): whether it has acknowledged a pulse, now or before,
-        and the round trip that the receipt shows, if it does.
+        Returns (listens, round_trip_s): whether the station has ever acknowledged a pulse, and
+        the round trip measured, if any.
         """
         try:
             receipt = Receipt.decode(payload)
@@ -99,7 +98,7 @@ class PulseOutlet:
         return receipt.store in self.sender.proven, self.sender.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
-        """Note what plain ground stations were sent; fetch from disk what there is room for."""
+        """Note what was sent to stations without receipts; read from disk as room permits."""
         self._delivered(PLAIN, self.sender.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)
@@ -138,7 +137,7 @@ class PulseOutlet:
         return next(iter(self._recent.values()))
 
     def _refill(self, store: int) -> None:
-        """Fetch pulses from the newest flight that has any."""
+        """Read pulses from the newest flight that has any."""
         sender = self.sender
         without = sender.keys(store) | {k for number, k in self._recent if number == store}
         room = min(REFILL, sender.room(store))

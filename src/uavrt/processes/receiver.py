@@ -1,7 +1,7 @@
 """The receiver process: radio samples to the channels of the tags.
 
-Reads the radio, decimates, channelizes and sends each channel in use to the detectors that
-serve its tags. Keeps the channels' samples and, if asked, records the decimated band.
+It decimates, channelizes and sends each channel in use to the detectors of its tags. It keeps
+the channels' samples and, on request, records the decimated band.
 """
 
 import socket
@@ -39,18 +39,18 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 log = get_logger()
 
 READ_TIMEOUT_S = 0.5
-LOSS_TOLD_S = 0.1
-"""So much lost is told to the ground."""
+LOSS_REPORT_S = 0.1
+"""Sample loss above which the ground is informed [s]."""
 RETRY_WINDOW_S = 10.0
-"""A radio that fails twice within this time is tried every `RadioSettings.retry_s`."""
+"""A radio that fails twice within this time is reopened every `RadioSettings.retry_s` [s]."""
 
 
 CLIPPED_S = 0.1
-"""So long samples were at the converter's limits before it is told: five pulses or so."""
+"""Duration of clipped samples after which clipping is reported [s]; about five pulses."""
 
 
 class ChannelSink(Protocol):
-    """Where channels go: a socket to a detector, or a detector in this process."""
+    """Destination of channels: a socket to a detector, or a detector in this process."""
 
     samples_dropped: int
 
@@ -58,11 +58,11 @@ class ChannelSink(Protocol):
         """Process the next block of a channel."""
 
     def flush(self) -> None:
-        """End a radio block; try again what could not be done yet."""
+        """End a radio block; retry unsent blocks."""
 
 
 _RECORDED_AGAIN_S = 10.0
-"""Length of recording after which a new trouble of the disk is reported [s]."""
+"""Recording time after which a new disk fault is reported [s]."""
 
 
 class Receiver:
@@ -72,7 +72,7 @@ class Receiver:
     """
 
     makes_channels = True
-    """Then it keeps them, too."""
+    """Whether it makes channels, which it then also keeps."""
 
     def __init__(
         self,
@@ -114,23 +114,23 @@ class Receiver:
         self._beeping: list[Beep] = []
         self._beeps_failed = False
         self._frame = frame
-        self._told = False
+        self._clipping_reported = False
         self._trouble_after_s = 0.0
-        self._tell = frame.tell
+        self._notify = frame.notify
         self.radio = assignment.settings.radio
         self.center_frequency_hz = flight.center_frequency_hz
-        self._opened_anew = False
+        self._reopened = False
         self.failures = 0
         self.samples = 0
         self.samples_lost = 0
         self.samples_unsure = 0
-        """Missing by the arrivals, unless the radio's crystal is far off its rate."""
-        self._loss_to_tell_s = LOSS_TOLD_S
+        """Samples missing by their arrival times, unless the radio's clock is far off."""
+        self._next_loss_report_s = LOSS_REPORT_S
         self.first_sample_ns = 0
         self.last_sample_ns = 0
 
     def _open_recorder(self, frame: ProcessFrame, flight: FlightInfo) -> IQRecorder | None:
-        """Open the recording if asked for; without it detection goes on all the same."""
+        """Open the recording if requested; detection continues if that fails."""
         recording = frame.assignment.settings.recording
         if not recording.iq:
             return None
@@ -147,7 +147,7 @@ class Receiver:
             return None
 
     def _open_output(self, frame: ProcessFrame, flight: FlightInfo) -> ChannelOutput | None:
-        """Open the original's ports if asked for; without them detection goes on."""
+        """Open the original's ports if requested; detection continues if that fails."""
         settings = frame.assignment.settings.udp_channels
         if not settings.enabled:
             return None
@@ -167,8 +167,8 @@ class Receiver:
 
     def process(self, block: IQBlock) -> None:
         """Decimate, record, channelize and send one block."""
-        if self._opened_anew:
-            self._opened_anew = False
+        if self._reopened:
+            self._reopened = False
             self.samples_lost += self._missed(block)
         self.samples += len(block.samples)
         self.samples_lost += block.lost_before - block.unsure_before
@@ -179,9 +179,9 @@ class Receiver:
         )
         self._clipping.look(block)
         self._carriers.look(block, self.center_frequency_hz)
-        self._tell_of_clipping()
+        self._report_clipping()
         for fault in self._input_check.look(block):
-            self._tell(4, fault)
+            self._notify(4, fault)
         band = self._front_end.decimate(block)
         self._check.look(band)
         if self._recorder is not None:
@@ -189,7 +189,7 @@ class Receiver:
             if (trouble := self._recorder.trouble) is not None:
                 kept_s = self._recorder.written_samples / self._front_end.plan.band_rate_hz
                 if kept_s >= self._trouble_after_s:
-                    self._tell(
+                    self._notify(
                         4, f"Band no longer recorded: {trouble}. {kept_s:.0f} s are kept"
                     )
                 self._trouble_after_s = kept_s + _RECORDED_AGAIN_S
@@ -201,34 +201,34 @@ class Receiver:
         self._report_beeps()
 
     def _report_beeps(self) -> None:
-        """Report beeps that were found without a list."""
+        """Report beeping senders that are not listed."""
         for beep in self._beeps.take_news():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
                 log.info("beeps", what=str(beep))
                 if beep.tag_ids and beep.kind is not BeepKind.IMAGE:
-                    self._tell(5, beep.meaning)
+                    self._notify(5, beep.meaning)
         if self._beeps.failed and not self._beeps_failed:
             self._beeps_failed = True
-            self._tell(4, "Unlisted tags no longer searched: internal fault")
+            self._notify(4, "Unlisted tags no longer searched: internal fault")
 
     def _missed(self, block: IQBlock) -> int:
-        """Count what the air brought while the radio was being opened again."""
+        """Count the samples missed while the radio was reopened."""
         if not self.last_sample_ns:
             return 0
         missed_ns = block.time_ns - self.last_sample_ns
         return max(0, round(missed_ns * 1e-9 * self._sample_rate_hz) - block.lost_before)
 
-    def _tell_of_clipping(self) -> None:
-        """Report once what the operator can do, when pulses may be clipped."""
-        if self._clipping.clipped_s > CLIPPED_S and not self._told:
-            self._told = True
-            self._tell(4, "Radio clipped: SNR too low. Reduce gain")
+    def _report_clipping(self) -> None:
+        """Report clipping once, with what the operator can do."""
+        if self._clipping.clipped_s > CLIPPED_S and not self._clipping_reported:
+            self._clipping_reported = True
+            self._notify(4, "Radio clipped: SNR too low. Reduce gain")
 
     def _pass_on(self, band: IQBlock) -> None:
         channels = self._front_end.channelize(band)
         self._kept.put(channels)
-        # The channels are behind the radio by the filters: they wait for no news of this kind.
+        # The filters delay the channels against the radio: these do not wait for them.
         clipped_ns = self._clipping.take_new() if channels else ()
         carriers_hz = self._carriers.frequencies_hz
         for channel in channels:
@@ -237,19 +237,19 @@ class Receiver:
             for worker in self._workers_of_channel[channel.channel]:
                 self._sinks[worker].send(channel)
 
-    def tell_losses(self, frame: ProcessFrame) -> None:
-        """Report lost samples to the ground: the first tenth of a second, then doublings."""
+    def report_losses(self, frame: ProcessFrame) -> None:
+        """Report lost samples to the ground: the first 0.1 s, then each doubling."""
         lost_s = self.samples_lost / self._sample_rate_hz
-        if lost_s < self._loss_to_tell_s:
+        if lost_s < self._next_loss_report_s:
             return
-        self._loss_to_tell_s = 2.0 * lost_s
+        self._next_loss_report_s = 2.0 * lost_s
         share = self.samples_lost / max(self.samples + self.samples_lost, 1)
-        frame.tell(4, f"Radio has lost {lost_s:.1f} s of samples ({100.0 * share:.1f} %)")
+        frame.notify(4, f"Radio has lost {lost_s:.1f} s of samples ({100.0 * share:.1f} %)")
 
     def forget(self, *, failed: bool = True) -> None:
-        """Restart the filters: what comes next does not continue what was."""
+        """Restart the filters, because the next samples do not continue the last."""
         self.failures += failed
-        self._opened_anew = True
+        self._reopened = True
         self._front_end.reset()
         if self._output is not None:
             self._output.reset()
@@ -259,7 +259,7 @@ class Receiver:
             self._beeping.clear()
 
     def flush(self) -> None:
-        """End a radio block; try again to send what the detectors have not taken yet."""
+        """End a radio block; retry what the detectors have not taken yet."""
         for sink in self._sinks:
             sink.flush()
 
@@ -274,7 +274,7 @@ class Receiver:
             self._output.close()
 
     def counters(self) -> Mapping[str, float]:
-        """Count what came, what was lost, what was recorded."""
+        """Counts of samples received, lost and recorded."""
         counters: dict[str, float] = {
             "samples": self.samples,
             "samples_lost": self.samples_lost,
@@ -299,7 +299,7 @@ class Receiver:
 
 
 def new_recording_name(directory: Path) -> Path:
-    """Get a name (without ending) that is free: a restarted receiver begins a new recording."""
+    """Get an unused name (without ending) for a restarted receiver's recording."""
     number = 1
     while (directory / f"band_{number}.sigmf-data").exists():
         number += 1
@@ -307,7 +307,7 @@ def new_recording_name(directory: Path) -> Path:
 
 
 def main() -> None:
-    """Receive until told to stop."""
+    """Receive until stopped."""
     run(Receiver)
 
 
@@ -320,7 +320,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
         receiver: Receiver | Capture
         receiver = kind(frame, flight) if flight.capture_s is None else Capture(frame, flight)
         if (several := unchosen(receiver.radio)) is not None:
-            frame.tell(4, f"{several[0]}. {several[1]}")
+            frame.notify(4, f"{several[0]}. {several[1]}")
         last_failure_s, last_reason = -RETRY_WINDOW_S, ""
         try:
             while frame.running:
@@ -346,7 +346,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
 def receive(
     frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo, last_reason: str
 ) -> None:
-    """Pass samples on from one opened radio until it fails, is set again, or all is to end.
+    """Pass on samples until the radio fails, its settings change or the process stops.
 
     `last_reason` is why it failed before; it counts until samples arrive again.
     """
@@ -361,9 +361,9 @@ def receive(
             else:
                 receiver.process(block)
                 if isinstance(receiver, Receiver):
-                    receiver.tell_losses(frame)
+                    receiver.report_losses(frame)
                 if receiver.failures and not flowing:
-                    frame.tell(5, "Radio gives samples again")
+                    frame.notify(5, "Radio gives samples again")
                 flowing = True
             take_settings(frame.receive(), receiver)
             if not flowing:
@@ -388,10 +388,10 @@ def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
-    """Apply changed settings: gain, bias-tee and correction of the radio.
+    """Apply changed settings: gain, bias-tee and frequency correction of the radio.
 
-    Its programs take them on their command line only, so it is opened again, which costs what a
-    failed radio costs; the frequency stays, for the filters are made for it.
+    The radio is reopened, because its programs take settings on their command line only. The
+    frequency stays, since the filters are made for it.
     """
     for _, record in records:
         if isinstance(record, Settings):

@@ -1,8 +1,8 @@
 """The recorder process: pulses, poses and health into the flight directory.
 
-It commits seldom, for the disk's sake, and says of each pulse that it is *recorded* when the
-disk has it. What it was sent and has not committed is sent again to its successor, so a kill
-loses nothing. A pulse whose pose never comes gets one from the recorded poses, or none.
+It commits rarely to spare the disk, and reports a pulse as *recorded* once it is on disk.
+Uncommitted records are sent again to its successor, so a kill loses nothing. A pulse whose pose
+never comes gets one from the recorded poses, or none.
 """
 
 from collections import deque
@@ -35,7 +35,7 @@ from uavrt.messages import (
 )
 from uavrt.processes.commit_times import CommitTimes
 from uavrt.processes.missing_poses import REACH_NS, AwaitedPoses, made_up
-from uavrt.processes.told_health import ToldHealth
+from uavrt.processes.told_health import HealthFilter
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.spool import note_deliveries
 from uavrt.recording.writer_lock import WriterLock
@@ -45,22 +45,21 @@ log = get_logger()
 TURN_S = 0.25
 AFTER_ALL_NS = 2**63 - 1
 ENDED_FLIGHTS = 3
-"""Flights before the present one whose last pulses may still be on their way."""
+"""Earlier flights whose last pulses may still be on their way."""
 POSE_PATIENCE_S = 7.0
-"""On top of `AntennaSettings.pose_wait_s`: a connection that hangs is replaced after 5 s and is
-back within two; what it has not said by then it will not say."""
+"""Wait for a pulse's pose beyond `AntennaSettings.pose_wait_s` [s]. A connection that hangs is
+replaced after 5 s and is back within two more."""
 MOST_LOOKED_UP = 1_000
 """Pulses without a pose that are read from the database at once."""
 MOST_UNSAID = 100_000
-"""Pulses that wait for the word that they are recorded, while the disk fails: as many as
-`FlightRecorder` keeps."""
+"""Written pulses that may wait to be reported as recorded while the disk fails."""
 MOST_COMMANDS = 64
-"""Commands that wait for their reply."""
+"""Commands waiting for their reply."""
 LOCK_WAIT_S = 3.0
 LOOK_S = 2.0
-"""Between two looks at the disk: a fault is told before the next commit would meet it."""
-TELL_S = 30.0
-"""Between two words to the operator on poses that never came."""
+"""Time between two checks of the disk, which find a fault before the next commit [s]."""
+REPORT_PERIOD_S = 30.0
+"""Time between two texts to the operator about lost poses [s]."""
 
 
 class Recorder:
@@ -72,11 +71,11 @@ class Recorder:
         self._flight: FlightRecorder | None = None
         self._lock = WriterLock()
         self._times = CommitTimes()
-        self._health = ToldHealth()
+        self._health = HealthFilter()
         self._awaited = AwaitedPoses(self._antenna.pose_wait_s + POSE_PATIENCE_S)
         self._look_again = False
         self._unsaid: deque[PulseKey] = deque(maxlen=MOST_UNSAID)
-        """Written, and not yet said to be recorded."""
+        """Written, but not yet reported as recorded."""
         self._commands: dict[int, Command] = {}
         self._fault = ""
         self._said_lines = 0
@@ -85,8 +84,8 @@ class Recorder:
         self._ended: deque[Path] = deque(last, maxlen=ENDED_FLIGHTS)
         self._unchecked: deque[Path] = deque(self._ended)
         self._newest_ns = 0
-        self._poses_made_up = self._without_pose = self._untold = 0
-        self._tell_at_s = self._look_at_s = 0.0
+        self._poses_made_up = self._without_pose = self._unreported = 0
+        self._report_at_s = self._look_at_s = 0.0
 
     def open(self, info: FlightInfo) -> None:
         """Open a flight, new or begun before a restart."""
@@ -94,7 +93,7 @@ class Recorder:
         if self._flight is not None and self._flight.layout.root == root:
             return
         self.close()
-        # A wall clock set back between flights: then any key may be of an earlier one.
+        # If the clock was set back between flights, keys can equal those of an earlier one.
         back = info.start_time_ns < self._newest_ns
         self._start_ns = AFTER_ALL_NS if back else info.start_time_ns
         if not self._lock.take(root, LOCK_WAIT_S):
@@ -109,7 +108,7 @@ class Recorder:
         self._look_for_missing_poses()
 
     def close(self) -> None:
-        """Close the flight; what waits for a pose does not wait longer."""
+        """Close the flight; pulses that wait for a pose get none."""
         flight = self._flight
         if flight is None:
             return
@@ -131,7 +130,7 @@ class Recorder:
         self._start_ns = AFTER_ALL_NS
 
     def _check_an_ended_flight(self) -> None:
-        """Take up pulses without a pose of a flight that was cut off and is over now."""
+        """Fill in the poses of a flight that was cut off and has ended."""
         if not self._unchecked:
             return
         root = self._unchecked.popleft()
@@ -153,7 +152,7 @@ class Recorder:
             lock.release()
 
     def turn(self, records: list[tuple[str, object]]) -> None:
-        """Write records; commit when it is time."""
+        """Write records; commit when due."""
         for topic, record in records:
             match record:
                 case Delivered():
@@ -185,13 +184,13 @@ class Recorder:
             if self._look_again and not self._awaited:
                 self._look_for_missing_poses()
             self._check_an_ended_flight()
-        self._tell_of_poses(now_s)
+        self._report_lost_poses(now_s)
 
     def _delivered(self, record: Delivered) -> None:
-        """Note what reached the ground, also of flights that have ended."""
+        """Note what reached the ground, also for flights that have ended."""
         if self._flight is not None:
             self._flight.write_delivered(record)
-            # With the next pulses, or all else: it is never worth a commit of its own.
+            # Committed with the next pulses or other records, never alone.
             self._times.others_wait(monotonic_s())
         earlier = tuple(key for key in record.pulses if key[1] < self._start_ns)
         for directory in self._ended if earlier else ():
@@ -222,7 +221,7 @@ class Recorder:
             case Poses():
                 flight.write_poses(record)
             case Health():
-                for health in self._health.worth_telling(record):
+                for health in self._health.to_record(record):
                     flight.write_health(health)
             case StatusText():
                 flight.write_status_text(record, now_ns)
@@ -250,7 +249,7 @@ class Recorder:
             self._times.pulses_wait(monotonic_s())
 
     def _look_for_missing_poses(self) -> None:
-        """Take up pulses that were recorded without a word on their pose."""
+        """Find recorded pulses whose pose is still open."""
         if self._flight is None:
             return
         found = self._flight.without_pose(MOST_LOOKED_UP)
@@ -259,7 +258,7 @@ class Recorder:
             self._awaited.add(pulse, monotonic_s())
 
     def _make_up(self, pulses: list[Pulse]) -> None:
-        """Give pulses a pose by the recorded ones, or none; record them and pass them on."""
+        """Give pulses a pose from recorded ones, or none; record and publish them."""
         flight = self._flight
         if flight is None or not pulses:
             return
@@ -280,27 +279,27 @@ class Recorder:
         without = sum(one.pose is None for one in found)
         self._without_pose += without
         self._poses_made_up += len(found) - without
-        self._untold += len(found)
+        self._unreported += len(found)
         return found
 
     def _pass_on(self, pulse_poses: list[PulsePose]) -> None:
         for pulse_pose in pulse_poses:
             self._frame.send("pulse_pose", pulse_pose)
 
-    def _tell_of_poses(self, now_s: float) -> None:
+    def _report_lost_poses(self, now_s: float) -> None:
         """Report occasionally that poses never came."""
-        if not self._untold or now_s < self._tell_at_s:
+        if not self._unreported or now_s < self._report_at_s:
             return
-        self._tell_at_s = now_s + TELL_S
-        self._untold = 0
-        self._frame.tell(
+        self._report_at_s = now_s + REPORT_PERIOD_S
+        self._unreported = 0
+        self._frame.notify(
             5,
             f"Poses lost on the way: {self._poses_made_up} made up from recorded ones, "
             f"{self._without_pose} pulses without",
         )
 
     def _commit(self, *, pulses_only: bool = False) -> bool:
-        """Make what was written safe; a full disk is reported, never fatal."""
+        """Commit what was written; a full disk is reported, never fatal."""
         if self._flight is None:
             return True
         now_s = monotonic_s()
@@ -312,7 +311,7 @@ class Recorder:
             return False
         self._fault = ""
         if self._flight.mended:
-            self._frame.tell(3, f"Recorder: {self._flight.mended}")
+            self._frame.notify(3, f"Recorder: {self._flight.mended}")
             self._flight.mended = ""
         self._times.committed(now_s, pulses_only=pulses_only)
         self._say_recorded()
@@ -324,9 +323,9 @@ class Recorder:
             self._unsaid.clear()
 
     def _say_taken(self) -> None:
-        """Describe how far this process is, at once: what was committed must not be sent again.
+        """Report what is committed, so that it is not sent again.
 
-        Only when all that was received is committed, never in the middle of a turn.
+        Only when everything received is committed, never in the middle of a turn.
         """
         lines = self._frame.link.lines
         if lines != self._said_lines:
@@ -334,7 +333,7 @@ class Recorder:
             self._frame.link.send("taken", Taken(records=lines))
 
     def _complain(self, error: RecordingError) -> None:
-        """Report it once until it is fixed."""
+        """Report a fault once until it is fixed."""
         if not self._fault:
             log.error("not recorded", reason=str(error))
         self._fault = str(error)
@@ -378,7 +377,7 @@ class Recorder:
 
 
 def main() -> None:
-    """Record until told to stop."""
+    """Record until stopped."""
     with ProcessFrame.start(finishes=True) as frame:
         recorder = Recorder(frame)
         try:

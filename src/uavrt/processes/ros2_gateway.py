@@ -1,7 +1,7 @@
 """The gateway process: the drone side as ROS 2 nodes and topics.
 
-An onlooker: whatever happens to it or to its network, detection goes on (`ProcessRow.backlog`,
-a low priority, and a supervisor that restarts it like any other).
+Detection goes on whatever happens to it or its network: it has a limited backlog, a low
+priority, and is restarted like any other process.
 """
 
 import os
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 log = get_logger()
 
 TICK_S = 0.05
-"""A pulse reaches ROS 2 this much later at most; it has taken the detector far longer."""
+"""Longest additional delay of a pulse to ROS 2 [s]."""
 NICENESS = 10
-"""A flood from the network must not take time from the detectors."""
+"""Low priority, so that network floods take no time from the detectors."""
 RETRY_S = 10.0
 
 
 def main() -> None:
-    """Show and listen until told to stop."""
+    """Publish and receive until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         participant = join(frame)
@@ -41,8 +41,8 @@ def main() -> None:
 
 
 def join(frame: ProcessFrame) -> "Participant | None":
-    """Join the ROS 2 network; stay off, alive and say why as long as that is impossible."""
-    told = ""
+    """Join the ROS 2 network; while that fails, stay alive and report why."""
+    reason_sent = ""
     while frame.running:
         try:
             # Imported here: without the extra, the gateway says so and stays off.
@@ -53,15 +53,15 @@ def join(frame: ProcessFrame) -> "Participant | None":
             reason = f"off: uavrt[ros2] is not installed ({error})"
         except (ConfigError, LinkError) as error:
             reason = f"off: {error}"
-        if reason != told:
+        if reason != reason_sent:
             log.warning("ROS 2 gateway off", reason=reason)
-        told = reason
+        reason_sent = reason
         wait(frame, reason, RETRY_S)
     return None
 
 
 def wait(frame: ProcessFrame, reason: str, seconds: float) -> None:
-    """Do nothing for a while but take in records and give signs of life."""
+    """Take in records and give signs of life for a while."""
     end_s = monotonic_s() + seconds
     while frame.running and monotonic_s() < end_s:
         frame.receive(timeout_s=0.5)

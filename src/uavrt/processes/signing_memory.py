@@ -1,9 +1,8 @@
-"""The newest times of signed frames, kept in a file: what was said before a restart is old.
+"""Newest times of signed frames, kept in a file, so that replays fail after a restart.
 
-The file is written every 2 s without being forced to the disk: it outlives the process at once,
-and a power cut after the half minute in which the kernel writes it. So after a restart of the
-process times are taken as 3 s later than they were written, after one of the computer as 40 s;
-a genuine sender has passed that by then, or soon.
+The file is written every 2 s, unsynced: it survives the process at once, a power cut after up
+to half a minute. So times count as 3 s later after a restart of the process, as 40 s later
+after one of the computer; a genuine sender has soon passed that.
 """
 
 from pathlib import Path
@@ -20,7 +19,7 @@ BEHIND_S, BEHIND_AFTER_BOOT_S = 3.0, 40.0
 
 
 class SigningKept(msgspec.Struct):
-    """What the file holds."""
+    """Contents of the file."""
 
     boot_id: str
     times: SigningTimes
@@ -41,7 +40,7 @@ class SigningMemory:
         self._load()
 
     def due(self, now_ns: int) -> SigningKept | None:
-        """Get what is to be written by `write`, if it is time and there is news."""
+        """Get what `write` is to write, if it is time and something changed."""
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + PERIOD_NS

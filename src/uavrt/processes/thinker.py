@@ -1,4 +1,4 @@
-"""A search that thinks in a thread of its own: no decision keeps the guide from its work.
+"""Runs the search planner in a thread, so that decisions do not block the guide.
 
 The guide must show that it lives and look at the battery while the planner weighs its ways; the
 search's beliefs belong to the thread alone, all its input waits in one queue.
@@ -17,24 +17,24 @@ from uavrt.messages import Neighbour, PulsePose, SearchNote, SearchReport
 log = get_logger()
 
 CYCLE_S = 5.0
-"""From one decision to the next while the drone is under way."""
+"""Time between two decisions while the drone is under way [s]."""
 LEAST_S = 0.5
-"""And when it waits."""
+"""Time between two decisions while it waits [s]."""
 AGAIN_S = 2.0
-"""After a way that it did not get."""
+"""Time until the next decision after a leg was refused [s]."""
 
 _Job = Callable[[], Choice | SearchNote | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The search has ended by a fault of ours."""
+    """The search has ended with an internal error."""
 
     reason: str
 
 
 class Thinker:
-    """Runs a search; never waits for it."""
+    """Runs a search in its thread; its methods do not block."""
 
     def __init__(self, seeker: Seeker) -> None:
         self._seeker = seeker
@@ -49,56 +49,56 @@ class Thinker:
         threading.Thread(target=self._run, name="search", daemon=True).start()
 
     def _put(self, job: _Job | None) -> None:
-        """Let the thread do a job after those before it; None is the last."""
+        """Queue a job for the thread; None ends it."""
         self._jobs.put(job)
 
     def pulse(self, pulse_pose: PulsePose) -> None:
-        """Pass a pulse on."""
+        """Pass on a pulse."""
         self._put(lambda: self._seeker.pulse(pulse_pose))
 
     def searched(self, report: SearchReport) -> None:
-        """Pass on what a detector has searched."""
+        """Pass on a detector's search report."""
         self._put(lambda: self._seeker.searched(report))
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Pass on where the drone is."""
+        """Pass on the drone's place."""
         self._put(lambda: self._seeker.place(time_ns, now))
 
     def begin(self, time_ns: int, now: VehicleNow) -> None:
-        """Begin."""
+        """Start the search."""
         self._thinking = True
         self._put(lambda: self._seeker.begin(time_ns, now))
 
     def ask(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
-        """Ask where to fly, if it is time."""
+        """Request the next leg, if it is time."""
         if self.is_time(now, idle=idle):
             self._thinking, self._asked_s = True, now.time_s
             self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
-        """Whether nothing was asked that is not answered, and long enough ago."""
+        """Whether no request is open and the last is long enough ago."""
         due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else CYCLE_S))
         return not self._thinking and now.time_s >= due_s
 
     def withdraw(self, now: VehicleNow) -> None:
-        """Pass on that the last choice is not flown; it is thought over soon."""
+        """Report that the last choice is not flown; a new one follows soon."""
         self._put(self._seeker.withdraw)
         self._asked_s, self._again_s = now.time_s - CYCLE_S, now.time_s + AGAIN_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
-        """Ask for the summary; the last thought is it."""
+        """Request the summary, which comes as the last result."""
         self._put(lambda: self._seeker.end(time_ns, now, reason))
         self._put(None)
 
     @property
     def over(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether no more results will come."""
         return self._over and self._thoughts.empty()
 
     def thoughts(self) -> list[Choice | SearchNote | Failed]:
-        """Get what it has thought since the last call."""
+        """Get the results since the last call."""
         found = []
         while not self._thoughts.empty():
             thought = self._thoughts.get()

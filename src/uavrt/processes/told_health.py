@@ -1,32 +1,31 @@
-"""Which health reports are recorded: every change, and one in thirty of the rest.
+"""Selects the health reports to record: every change, and one in thirty of the rest.
 
-Each process speaks once a second, some 450 bytes, and its counters only rise: thirty of them
-say hardly more than the last. That the autopilot armed or landed is a change: turns are told
-from carrying by it.
+Each process reports once a second, some 450 bytes of rising counters. Arming and landing count
+as changes: they separate turns in flight from carrying.
 """
 
 from uavrt.messages import Health
-from uavrt.on_ground import told_of_ground
+from uavrt.on_ground import ground_state
 from uavrt.units import ns_from_s
 
 PERIOD_NS = ns_from_s(30.0)
 
 
-class ToldHealth:
+class HealthFilter:
     """Selects reports; never loses the last one of a process."""
 
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}
         self._last: dict[str, Health] = {}
-        """Not recorded."""
+        """Last report of each process, if not recorded."""
         self.left_out = 0
-        """Signs of life that were not recorded."""
+        """Reports that were not recorded."""
 
-    def worth_telling(self, health: Health) -> list[Health]:
-        """Get what is to be recorded now: with a change, also the last before it."""
+    def to_record(self, health: Health) -> list[Health]:
+        """Get the reports to record now: on a change also the last before it."""
         process = health.process
         before, last = self._recorded.get(process), self._last.pop(process, None)
-        same = before is not None and _told(before) == _told(health)
+        same = before is not None and _state(before) == _state(health)
         if before is not None and same and abs(health.time_ns - before.time_ns) < PERIOD_NS:
             self.left_out += last is not None
             self._last[process] = health
@@ -38,12 +37,12 @@ class ToldHealth:
         return [last, health]
 
     def last(self) -> list[Health]:
-        """Get what each process said last, at the end of a flight; then begin again."""
+        """Get each process's last report, at the end of a flight, and reset."""
         last = list(self._last.values())
         self._last.clear()
         self._recorded.clear()
         return last
 
 
-def _told(health: Health) -> tuple[object, ...]:
-    return (health.status, health.ok, *told_of_ground(health))
+def _state(health: Health) -> tuple[object, ...]:
+    return (health.status, health.ok, *ground_state(health))

@@ -1,8 +1,8 @@
-"""What a radio's program prints when it ends, and what that means: cause and remedy.
+"""Messages that radio programs print when they end, with cause and remedy.
 
-Filled by running the programs of Debian 12 (airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0,
-hackrf 2022.09.1) and SoapySDR 0.8.1. The libraries report "not found" also of a radio that
-another program uses, or that may not be opened; the list of USB devices distinguishes them.
+Collected from the programs of Debian 12 (airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
+2022.09.1) and SoapySDR 0.8.1. The libraries report "not found" also of a radio that another
+program uses, or that may not be opened; the list of USB devices distinguishes them.
 """
 
 import os
@@ -19,7 +19,7 @@ class Cause(Enum):
     """Why a radio gives no samples."""
 
     ABSENT = auto()
-    """Or busy or forbidden: the program does not distinguish them."""
+    """Absent, busy or forbidden: the program does not distinguish them."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()
@@ -67,7 +67,7 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Program, part of what it prints, and the cause; of several that match, the first counts."""
+"""Program, part of what it prints, and the cause; the first match counts."""
 
 
 _NOT_LISTED = (
@@ -77,7 +77,7 @@ _NOT_LISTED = (
 
 
 def cause_of(row: RadioRow, words: str) -> Cause | None:
-    """Get what a radio's program means by what it prints; None for what is not in the table."""
+    """Find the cause in a radio program's output; None if it is not in the table."""
     program = row.receive or row.title
     means = (one for name, text, one in ANSWERS if name == program and text in words)
     return next(means, None)
@@ -92,15 +92,13 @@ def exit_error(
     own_rates: Callable[[], str] = str,
     seen: bool = True,
 ) -> RadioError:
-    """Turn the end of a radio's program into an error that names the cause and the remedy.
+    """Make the error for a radio program that ended, with cause and remedy.
 
-    `settings`: settings of the radio.
-    `code`: exit status; negative for a signal.
-    `said`: the status in words.
-    `words`: its first lines on stderr, which hold the cause, and the last ones.
-    `own_rates`: lists the rates of the device that is there; empty: those of its kind count.
-    `seen`: it was in the list of USB devices when it was opened, so it is unplugged if it is
-    not there now. One that was never there may be of an unknown make, or not plugged in.
+    `code`: exit status; negative for a signal. `said`: the status in words. `words`: its first
+    lines on stderr, which hold the cause, and the last ones. `own_rates`: lists the rates of
+    the present device; empty: those of its kind count. `seen`: it was in the list of USB
+    devices when it was opened, so it is unplugged if missing now; else it may be of an unknown
+    make.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)
@@ -137,7 +135,7 @@ def exit_error(
 
 
 def stalled(title: str) -> RadioStalled:
-    """Make the error of a radio that was opened and sends nothing."""
+    """Make the error for a radio that was opened and sends nothing."""
     return RadioStalled(
         f"{title}: no samples arrive",
         remedy="Unplug the radio and plug it in again; try another cable or port",
@@ -145,7 +143,7 @@ def stalled(title: str) -> RadioStalled:
 
 
 def serial_error(settings: RadioSettings, serials: Iterable[str]) -> RadioMissing:
-    """Make the error of a serial number that none of the devices has."""
+    """Make the error for a serial number that none of the devices has."""
     why, remedy = _other_serial(settings, serials)
     return RadioMissing(f"{RADIOS[settings.kind].title}: {why}", remedy=remedy)
 
@@ -161,7 +159,7 @@ def _other_serial(settings: RadioSettings, serials: Iterable[str]) -> tuple[str,
 def _missing(
     settings: RadioSettings, row: RadioRow, there: list[UsbRadio], cause: Cause
 ) -> tuple[str, str]:
-    """Get why no radio could be opened, and the remedy."""
+    """Find why no radio could be opened, and the remedy."""
     # Programs take hexadecimal digits of either case, hackrf_transfer also the last ones alone.
     wanted = (settings.serial or "").casefold().removeprefix("0x")
     chosen = [one for one in there if one.serial.casefold().endswith(wanted)]

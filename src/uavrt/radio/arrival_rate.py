@@ -1,8 +1,7 @@
-"""Compares the rate at which samples arrive with the one that was asked for. Pure.
+"""Compares the rate at which samples arrive with the one requested. Pure.
 
-A radio that streams at another rate looks well and finds nothing. The least delay of each
-stretch of 0.5 s shows its rate: a stall delays some arrivals, never all of them, and one loss
-is one step.
+A radio that streams at another rate seems to work and finds nothing. The least delay in each
+0.5 s shows the rate, because a stall does not delay all arrivals, and a loss is a single step.
 """
 
 import math
@@ -11,41 +10,41 @@ from itertools import pairwise
 from typing import Final
 
 _STRETCH_S: Final = 0.5
-"""Least delays are taken in stretches of this length [s]."""
+"""Time over which the least delay is taken [s]."""
 _STRETCHES: Final = 5
-"""A wrong rate shows after 2.5 s; on a busy computer a little later."""
+"""Number of least delays that show a wrong rate, after 2.5 s."""
 _MOST_OFF: Final = 0.02
-"""Largest difference that is not reported, as a share of the rate asked for."""
+"""Largest difference that is not reported, as a share of the requested rate."""
 _SETTLED: Final = 0.01
-"""Largest difference at which the rate is right again, as a share of the rate asked for."""
+"""Difference at which the rate is right again, as a share of the requested rate."""
 _CATCHES_UP_S: Final = 0.03
-"""A sender has caught up when its delay is this close to that before the pause [s]: less than
-the change over `_STRETCHES` that is reported."""
+"""Difference to the delay before a pause at which a sender has caught up [s]. It is below the
+change over `_STRETCHES` that is reported."""
 _OTHER: Final = 0.1
 """Share by which a wrong rate must change to be reported again."""
 
 
 class ArrivalRate:
-    """Watches one stream of samples.
+    """Monitors one stream of samples.
 
-    `rate_hz`: the rate asked for.
+    `rate_hz`: the requested rate.
     """
 
     def __init__(self, rate_hz: float) -> None:
         self.wrong_hz: float | None = None
-        """The rate by arrival while it differs by more than 2 %, else None."""
+        """The measured rate while it differs by more than 2 %, else None."""
         self._rate_hz = rate_hz
         self._least_s: deque[float] = deque(maxlen=_STRETCHES)
         self._stretch = 0
         self._now_s = 0.0
         self._first_ns: int | None = None
         self._owed_s = math.inf
-        """Delay before the last pause: until it is reached again, a sender catches up."""
+        """Delay before the last pause [s]; until it is reached again, a sender catches up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Learn that so many samples had arrived at a time.
+        """Add the number of samples that had arrived at a time.
 
-        `full`: the sender waits for us, and its pace shows nothing of its rate.
+        `full`: the sender waits for us, so that its pace does not show its rate.
         """
         if full:
             return
@@ -59,7 +58,7 @@ class ArrivalRate:
             self._now_s = min(self._now_s, delay_s)
             return
         if stretch > self._stretch + 1:
-            # A pause; one while it catches up changes nothing of what is to be reached.
+            # A pause; another one before it has caught up leaves the delay to be reached.
             self._owed_s = min(self._owed_s, self._now_s, *self._least_s)
             self._least_s.clear()
         else:
@@ -82,6 +81,6 @@ class ArrivalRate:
             self.wrong_hz = None
         elif abs(mean_s) > _MOST_OFF * _STRETCH_S and min(s / mean_s for s in steps_s) > 0.5:
             wrong_hz = self._rate_hz * (1.0 - mean_s / _STRETCH_S)
-            # One sentence for as long as it holds, not one for each measurement.
+            # Reported once for as long as it lasts.
             if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _OTHER:
                 self.wrong_hz = wrong_hz

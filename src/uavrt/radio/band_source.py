@@ -1,14 +1,13 @@
 """Samples of a band that a program sends as UDP datagrams, cut anywhere.
 
 The thesis pipes ``airspy_rx | csdr fir_decimate_cc 8 … | netcat -u localhost 10000``. netcat
-sends what it happens to read, so the datagrams are pieces of one stream of bytes: of any size,
-ending within a sample as often as not. The original reads fixed 2039 samples of each and throws
-the rest away; here bytes are joined until a sample is whole.
+sends what it happens to read, so the datagrams are pieces of one stream of bytes, of any size,
+that often end within a sample. The original reads fixed 2039 samples of each and drops the
+rest; here bytes are joined until a sample is complete.
 
-What the system drops when our buffer is full is told by it (SO_RXQ_OVFL, a count of
-datagrams) and becomes a gap of so many times the last datagram's size. That keeps the
-alignment of samples too; without the count a loss is told by its step in the arrival times,
-and the alignment by the exponents of the floats.
+Datagrams that the system dropped, as counted by SO_RXQ_OVFL, become gaps of the last datagram's
+size, which also keeps the alignment of samples. Without the count, a step in the arrival times
+shows a loss, and the exponents of the floats show the alignment.
 """
 
 import socket
@@ -26,7 +25,7 @@ from uavrt.radio.stream import BLOCK_S
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536
 _SO_RXQ_OVFL: Final = 40
-"""Linux, asm-generic/socket.h; Python does not name it."""
+"""Linux, asm-generic/socket.h; missing in Python."""
 _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 
 log = get_logger()
@@ -35,14 +34,10 @@ log = get_logger()
 class BandDatagramSource(DatagramSource):
     """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
-    `address`: ``udp://localhost:10000``.
-    `sample_rate_hz`, `center_frequency_hz`: what the sender was set to.
-    `clock`: where arrival times come from.
-    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone.
-    `block_s`: length of a block [s].
-    Raises `RadioError`: the port cannot be listened to.
-    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
+    `address`: ``udp://localhost:10000``. `start_time_ns`: time of the first sample [ns, UTC];
+    then times follow from the nominal rate alone. `block_s`: length of a block [s]. Raises
+    `RadioError` if the port is taken, `ConfigError` or `FormatError` for an invalid address or
+    rate.
     """
 
     def __init__(
@@ -55,12 +50,12 @@ class BandDatagramSource(DatagramSource):
         start_time_ns: int | None = None,
         block_s: float = BLOCK_S,
     ) -> None:
-        # A burst of datagrams is their sender's manner; listeners want times without a step.
+        # Bursts of datagrams are normal here; a new start would make a step of the times.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.datagrams_lost = 0
-        """Dropped by the system because we were too slow, as far as it tells."""
+        """Datagrams that the system reports as dropped because we were too slow."""
         self.realigned = 0
-        """Times that samples began elsewhere in the stream of bytes than before."""
+        """Number of times that the alignment of samples was corrected."""
         self._clock = Clock.start() if clock is None else clock
         self._want = SAMPLE_BYTES * max(64, round(block_s * sample_rate_hz))
         self._joiner = ByteJoiner()
@@ -74,10 +69,7 @@ class BandDatagramSource(DatagramSource):
                 log.debug("the system does not count dropped datagrams")
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`.
-
-        When the sender pauses, the block is what has come so far.
-        """
+        """Get the next block, shorter if the sender pauses; see `SampleSource.read`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             before = self._joiner.filled
@@ -109,7 +101,7 @@ class BandDatagramSource(DatagramSource):
 
     def _block(self) -> IQBlock:
         samples, lost_before, self.realigned = self._joiner.take()
-        self._placer.tell_lost(lost_before)
+        self._placer.add_lost(lost_before)
         self._placer.settle()
         return self._placer.place(samples)
 
@@ -117,7 +109,7 @@ class BandDatagramSource(DatagramSource):
 class ByteJoiner:
     """Joins pieces of a stream of bytes to complex64 samples; pure.
 
-    A gap ends what can be taken at once: `take` gives what is before it, then what is after.
+    `take` gives the samples before a gap, then those after it.
     """
 
     def __init__(self) -> None:
@@ -129,17 +121,17 @@ class ByteJoiner:
         self._cut = 0
         self._realigned = 0
         self.filled = 0
-        """Bytes that can be taken before the next gap."""
+        """Bytes before the next gap."""
 
     @property
     def has_gap(self) -> bool:
-        """A gap follows what is here; nothing more can be put before that is taken."""
+        """Whether a gap follows; then take the samples before it before the next `put`."""
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Take in the next piece, before which `lost` pieces were lost.
+        """Add the next piece, before which `lost` pieces were lost.
 
-        Raises `ValueError`: what is before the last gap has not been taken.
+        Raises `ValueError` if the samples before the last gap have not been taken.
         """
         if self.has_gap:
             raise ValueError("read what comes before the gap first")
@@ -151,11 +143,10 @@ class ByteJoiner:
         self._last_size = len(payload)
 
     def take(self) -> tuple[NDArray[np.complex64], int, int]:
-        """Get the whole samples that are here.
+        """Get the complete samples.
 
-        Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for values
-        that are not numbers; samples lost before the first; how often the alignment was
-        corrected so far.
+        Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for non-finite
+        values; samples lost before the first; how often the alignment was corrected so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)
@@ -187,7 +178,7 @@ class ByteJoiner:
         return samples, lost_before, self._realigned
 
     def _append(self, payload: bytes) -> None:
-        """Keep a piece, less the end of a sample that a gap has cut."""
+        """Add a piece, without the end of a sample that a gap has cut."""
         kept = payload[self._cut :]
         self._cut = max(0, self._cut - len(payload))
         self._parts.append(kept)
@@ -195,13 +186,13 @@ class ByteJoiner:
 
 
 def misalignment(data: bytes) -> int:
-    """Bytes to skip until floats begin, 0 to 3; 0 when that cannot be told.
+    """Bytes to skip until floats begin, 0 to 3; 0 if the bytes do not show it.
 
-    The fourth byte of a little-endian float32 holds sign and most of the exponent: samples of
-    a radio, 1e-9 to 1e4 in size, have 0x30 to 0x46 there, or are zero; the bytes of the
-    mantissa are anything. Shifted by one to three bytes, most values fall outside.
+    The fourth byte of a little-endian float32 holds sign and most of the exponent: 0x30 to 0x46
+    for samples of a radio, 1e-9 to 1e4 in size, or zero. Shifted by one to three bytes, most
+    values fall outside.
     """
-    # 4096 floats tell enough; fewer than 64 tell too little.
+    # 4096 floats are enough; fewer than 64 are too few.
     count = min(len(data) // 4 - 1, 4096)
     if count < 64:
         return 0

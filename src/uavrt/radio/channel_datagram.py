@@ -56,12 +56,10 @@ _HIGH_RANGE: Final = (100_000.0, 300_000.0)
 def encode_channel_datagram(
     samples: NDArray[np.complex64], time_ns: int, style: StampStyle = "seconds"
 ) -> bytes:
-    """Write a frame.
+    """Write a frame; raises `ValueError` for a time that the stamp cannot hold.
 
-    `samples` (n,): 1024 of them for the original detectors.
-    `time_ns`: time of the first sample [ns, UTC].
-    `style`: milliseconds are rounded down, as the original does.
-    Raises `ValueError`: a time that the stamp cannot hold.
+    `samples` (n,): 1024 of them for the original detectors. `time_ns`: time of the first sample
+    [ns, UTC]. `style`: milliseconds are rounded down, as the original does.
     """
     try:
         if style == "seconds":
@@ -76,12 +74,10 @@ def encode_channel_datagram(
 def decode_channel_datagram(
     payload: bytes, style: StampStyle | None = None
 ) -> tuple[int, NDArray[np.complex64]]:
-    """Read a frame.
+    """Read a frame: time of the first sample [ns, UTC], and a copy of the samples, (n,).
 
-    `payload`: the datagram.
-    `style`: how its stamp is written; None: the stamp itself shows it.
-    Returns (time_ns, samples): time of the first sample [ns, UTC]; a copy, shape (n,).
-    Raises `FormatError`: not a stamp and at least one sample, or a stamp that is no time.
+    `style`: of its stamp; None: recognised. Raises `FormatError` without a valid stamp and a
+    sample.
     """
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
@@ -107,10 +103,10 @@ def decode_channel_datagram(
 
 
 def stamp_style(payload: bytes) -> StampStyle:
-    """Find the style of a frame's stamp.
+    """Recognise the style of a frame's stamp.
 
     Milliseconds of at least 1 are floats whose bits exceed 10⁹, which no nanoseconds do; at 0
-    the other half decides, which is off only for a frame at a full second in 2007 to 2009.
+    the other half decides, which is wrong only at a full second in 2007 to 2009.
     """
     _, nanoseconds = _SECONDS.unpack_from(payload)
     high, _ = _MILLISECONDS.unpack_from(payload)
@@ -123,12 +119,9 @@ def stamp_style(payload: bytes) -> StampStyle:
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
     """UDP port of a channel.
 
-    `channel`: number from 0 (= the radio's centre), as everywhere in uavrt; the original's less
-    one.
-    `scheme`: which of the original's port plans.
-    `second`: the port for the second detector of a tag with two rates.
-    Raises `ValueError`: the thesis's plan has no second port, or the channel has no port
-    below 65536.
+    `channel`: number from 0 (= the radio's centre), the original's less one. `scheme`: port
+    plan. `second`: the port for the second detector of a tag with two rates. Raises
+    `ValueError` if the plan has no such port.
     """
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")

@@ -1,8 +1,8 @@
-"""The tags' channels for the original's detectors, beside those for ours.
+"""The tags' channels for the original's detectors, in addition to ours.
 
-Our channels are twice oversampled; the original's detectors want its own 3750 samples a second
-and its channel numbers. So the band, decimated once for both, is split again in the compatible
-mode: 0.2 % of a core for one channel, 0.3 % for ten, 1.3 % for all hundred (measured here).
+Our channels are twice oversampled; the original's detectors need its own 3750 samples a second
+and its channel numbers. So the decimated band is split again in the compatible mode: 0.2 % of a
+core for one channel, 0.3 % for ten, 1.3 % for all hundred (measured here).
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,9 @@ from uavrt.radio.channel_sender import ChannelDatagramSender
 class ChannelOutput:
     """Sends the channels of tags to the original's ports.
 
-    `settings`: where to, and how.
-    `tags`: whose channels; those of tags beyond the original's band are left out.
-    `band_rate_hz`, `center_frequency_hz`: of the decimated band.
-    Raises `UavrtError`: no tag lies in the band, or it cannot be split.
+    `settings`: destination and format. `tags`: whose channels; those beyond the original's band
+    are left out. `band_rate_hz`, `center_frequency_hz`: of the decimated band. Raises
+    `UavrtError` if no tag lies in the band, or it cannot be split.
     """
 
     def __init__(
@@ -54,7 +53,7 @@ class ChannelOutput:
                 second = channel_port(channel, settings.ports, second=True)
                 places += [second] * (second not in places)
         self.ports: Mapping[int, Sequence[int]] = ports
-        """Of each channel, numbered from 0."""
+        """Ports of each channel, numbered from 0."""
         self._sender = ChannelDatagramSender(
             ports if inside else {}, host=settings.host, style=settings.stamps
         )
@@ -70,7 +69,7 @@ class ChannelOutput:
         self._front_end.reset()
 
     def counters(self) -> dict[str, float]:
-        """Count what was sent."""
+        """Counters of the sender."""
         return {
             "udp_channel_datagrams": self._sender.datagrams,
             "udp_channel_datagrams_dropped": self._sender.dropped,

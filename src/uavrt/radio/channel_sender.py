@@ -1,4 +1,4 @@
-"""Channels to UDP ports, as the original channelizer does, for its detectors and others."""
+"""Channels to UDP ports, as the original channelizer sends them."""
 
 import socket
 from collections.abc import Mapping, Sequence
@@ -27,11 +27,10 @@ class _Frame:
 class ChannelDatagramSender:
     """Cuts channels into frames of 1024 samples and sends each to the channel's ports.
 
-    Never waits: nobody listens (refused), or the system has no room (counted as dropped).
+    It never waits: frames are dropped and counted if the system has no room.
 
-    `ports`: ports of each channel that is sent; blocks of others are passed over.
-    `host`: where to send.
-    `style`: how stamps are written.
+    `ports`: ports of each channel; blocks of others are ignored. `style`: how stamps are
+    written.
     """
 
     def __init__(
@@ -52,17 +51,17 @@ class ChannelDatagramSender:
                 sock = self._sockets[port] = send_socket(host)
                 sock.connect((host, port))
         self.datagrams = 0
-        """Sent, heard or not."""
+        """Datagrams sent, received or not."""
         self.unheard = 0
-        """Of these, known to have found nobody listening."""
+        """Datagrams refused because no program listens."""
         self.dropped = 0
-        """Not sent, for want of room."""
+        """Datagrams not sent for lack of room."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Process the next block of a channel; send the frames that it completes.
+        """Add the next block of a channel; send the frames that it completes.
 
-        A frame has no place for a gap within it: the gap is filled with zeros as far as the
-        frame goes, and the next frame begins where samples begin again.
+        A gap within a frame is filled with zeros to the frame's end; the next frame begins
+        where samples continue.
         """
         frame = self._frames.get(block.channel)
         if frame is None:
@@ -98,7 +97,7 @@ class ChannelDatagramSender:
             self._send(self._sockets[port], datagram)
 
     def _send(self, sock: socket.socket, datagram: bytes) -> None:
-        # The refusal of the datagram before is told by an error, once, and nothing is sent.
+        # The error is the refusal of the previous datagram; this one was not sent.
         for attempt in range(2):
             try:
                 sock.send(datagram)

@@ -1,7 +1,7 @@
 """Samples of one channel from the original channelizer's datagrams (or from ours).
 
-The stamps put the frames in order: a frame that comes before its turn waits a little for the
-missing one; what does not come is a gap; what comes after its turn has passed is dropped.
+Frames are ordered by their stamps: an early frame waits a little for the missing one, a missing
+frame becomes a gap, and a late frame is dropped.
 """
 
 from typing import Final
@@ -18,17 +18,17 @@ from uavrt.radio.live_source import DatagramSource
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 TOLERANCE_S: Final = 0.005
-"""Stamps so far from where they are expected are the next frame all the same: the thesis's are
-cut to 1 ms, and the original's step by 5.4 ms at worst when it starts counting anew."""
+"""Difference to the expected stamp within which a frame counts as the next [s]. The thesis's
+stamps are cut to 1 ms; the original's step by 5.4 ms when it restarts its count."""
 HELD_FRAMES: Final = 4
-"""A missing frame is waited for until so many later ones are here: 1.1 s of a channel."""
+"""Later frames that end the wait for a missing one: 1.1 s of a channel."""
 SILENCE_S: Final = 1.5
-"""After so long without a datagram what is held is given, whatever is missing."""
+"""Silence after which held frames are given, whatever is missing [s]."""
 RESTART_FRAMES: Final = 3
-"""So many frames in a row before their turn are not late: the sender's clock was set back."""
+"""Consecutive frames before their turn that mean that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""A longer jump ahead is a sender with another clock, not lost samples."""
+"""Largest jump ahead that is a loss; beyond it the sender's clock has changed [s]."""
 
 log = get_logger()
 
@@ -36,12 +36,9 @@ log = get_logger()
 class ChannelDatagramSource(DatagramSource):
     """A channel's samples at a UDP port; a `SampleSource`.
 
-    `address`: ``udp://127.0.0.1:20000``.
-    `sample_rate_hz`: rate of the channel; the original's is 3750.
-    `center_frequency_hz`: frequency of the channel's centre.
-    `style`: how stamps are written; None: the first one shows it.
-    Raises `RadioError`: the port cannot be listened to.
-    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
+    `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: rate of the channel; the original's
+    is 3750. `style`: how stamps are written; None: recognised. Raises `RadioError` if the port
+    is taken, `ConfigError` or `FormatError` for an invalid address or rate.
     """
 
     def __init__(
@@ -54,7 +51,7 @@ class ChannelDatagramSource(DatagramSource):
     ) -> None:
         super().__init__(sample_rate_hz, center_frequency_hz)
         self.late = 0
-        """Datagrams dropped because later ones had been used, or twice."""
+        """Datagrams dropped as late or repeated."""
         self.refused = 0
         """Datagrams that are no frames."""
         self._style = style
@@ -78,7 +75,7 @@ class ChannelDatagramSource(DatagramSource):
             self._poll.poll(1000.0 * (SILENCE_S if left_s is None else min(left_s, SILENCE_S)))
 
     def _receive(self) -> None:
-        """Read what waits, as much as can be put in order at once."""
+        """Read as many waiting datagrams as can be ordered at once."""
         for sock in self._sockets:
             while self._frames.waiting <= HELD_FRAMES:
                 try:
@@ -130,15 +127,15 @@ class FrameOrder:
         self._early: list[tuple[int, NDArray[np.complex64]]] = []
         self._expected_ns: int | None = None
         self.late = 0
-        """Frames that were dropped: their turn had passed, or they came twice."""
+        """Frames dropped as late or repeated."""
 
     @property
     def waiting(self) -> int:
-        """Frames that have not been taken."""
+        """Number of frames not taken yet."""
         return len(self._held)
 
     def put(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
-        """Take in a frame, in any order."""
+        """Add a frame, in any order."""
         if self._expected_ns is not None and time_ns < self._expected_ns - self._tolerance_ns:
             self._put_early(time_ns, samples)
             return
@@ -152,7 +149,7 @@ class FrameOrder:
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
         """Get the next frame: its time [ns], its samples, and the samples lost before it.
 
-        `wait`: False: nothing more will come, give what is here.
+        `wait`: False: no more will come, give what is here.
         """
         if not self._held:
             return None
@@ -167,7 +164,7 @@ class FrameOrder:
         return time_ns, samples, lost
 
     def _put_early(self, time_ns: int, samples: NDArray[np.complex64]) -> None:
-        """A frame whose turn has passed; several that follow each other are a new start."""
+        """Add a frame before its turn; several in a row mean that the sender has restarted."""
         self.late += 1
         if self._early:
             last_ns, last = self._early[-1]

@@ -1,4 +1,4 @@
-"""Is the radio there, and does it work as it is set? It is opened as for a flight."""
+"""Check that the radio works as set, by opening it as for a flight."""
 
 from contextlib import closing
 from typing import Final
@@ -16,18 +16,16 @@ _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
 """Largest share of lost samples that is not reported; as for a wrong rate."""
 _LASTS_S: Final = 2.8
-"""By then the rate at which samples arrive is known (`uavrt.radio.arrival_rate`)."""
+"""Duration of the check [s]; enough to measure the sample rate (`uavrt.radio.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
-"""Tuned to where the settings leave the frequency to the tags."""
+"""Frequency where the settings leave it to the tags [Hz]."""
 
 
 def check_device(settings: RadioSettings) -> str:
-    """Receive samples for three seconds; get what to say of a radio that works.
+    """Receive samples for three seconds; get a sentence on a radio that works.
 
-    Raises `RadioError`: there is no radio, it cannot be opened, or it sends no samples at its
-    rate.
-    Raises `RadioAmbiguous`: there are several, and the settings choose none.
-    Raises `ConfigError`: the radio cannot be set so.
+    Raises `RadioError` if it is missing, cannot be opened, or sends no samples at its rate;
+    `RadioAmbiguous` if the settings choose none of several; `ConfigError` for invalid settings.
     """
     if (several := unchosen(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])

@@ -1,7 +1,7 @@
 """The radios that are plugged in, as the kernel lists them (sysfs-bus-usb).
 
-With two radios of one kind a program opens whichever it finds first, and that may be the one
-without an antenna. So two are named, and `[radio] serial` chooses.
+With two radios of one kind a program opens the first it finds, perhaps one without an antenna.
+So two are reported, and `[radio] serial` chooses.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ class UsbRadio:
 
     kind: str
     serial: str
-    """As `[radio] serial` takes it; empty where the radio has none."""
+    """Serial number as in `[radio] serial`; empty without one."""
     node: Path
 
 
@@ -32,7 +32,7 @@ def usb_radios() -> list[UsbRadio]:
 
 
 def unchosen(settings: RadioSettings) -> tuple[str, str] | None:
-    """Get what to say, and the remedy, where several radios could be meant; else None."""
+    """Describe the choice, with the remedy, if the settings fit several radios; else None."""
     if settings.program or settings.serial or settings.kind not in RADIOS:
         return None
     row = RADIOS[settings.kind]

@@ -2,9 +2,9 @@
 
 Names as the programs write them by default: SDR# ``SDRSharp_20150804_204121Z_145000000Hz_IQ``,
 HDSDR ``HDSDR_20130105_123456Z_14100kHz_RF``, gqrx ``gqrx_20200101_123456_145000000_1800000_fc``
-in UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` by its own computer. airspy_rx
-and hackrf_transfer (``-w``) put a Z behind the computer's own time, too. rtl_433's
-``g001_433.92M_250k`` has no time.
+in UTC; SDR++ ``baseband_145000000Hz_12-34-56_01-02-2023`` in local time. airspy_rx and
+hackrf_transfer (``-w``) use local time with a Z, too. rtl_433's ``g001_433.92M_250k`` has no
+time.
 """
 
 import re
@@ -23,17 +23,17 @@ _STAMPED: Final = rf"_{_DATE}_{_TIME}(?P<zulu>Z?)_(?P<frequency>{_NUMBER})(?P<un
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NameFacts:
-    """Facts read from a name; None where it has none."""
+    """Values read from a name; None where it has none."""
 
     program: str
-    """Who names recordings so."""
+    """Program that names recordings so."""
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
-    """To which the name rounds it, if coarser than 1 Hz."""
+    """Step to which the name rounds the frequency, if coarser than 1 Hz [Hz]."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
-    """The time was that of the computer's clock, taken to be set as ours is."""
+    """Whether the time is local; our time zone is assumed."""
     format_name: str | None = None
 
 
@@ -78,11 +78,7 @@ _FACTORS: Final = {"": 1.0, "k": 1e3, "M": 1e6}
 
 
 def read_name(path: PurePath | str) -> NameFacts | None:
-    """Read a recording's name.
-
-    `path`: the file; its directory says nothing.
-    Returns: None for a name that no known program gives.
-    """
+    """Read a recording's name, without its directory; None if no known program gives it."""
     name = PurePath(path).name
     for form in _FORMS:
         if found := form.pattern.match(name):
@@ -90,17 +86,17 @@ def read_name(path: PurePath | str) -> NameFacts | None:
     return None
 
 
-def _facts(form: _Form, told: dict[str, str | None]) -> NameFacts:
-    factor = _FACTORS[told.get("unit") or ""]
-    rate = told.get("rate")
-    utc = form.program == "gqrx" or (bool(told.get("zulu")) and form.zulu_is_utc)
-    start_ns = _start_ns(told, utc=utc) if told.get("year") else None
+def _facts(form: _Form, parts: dict[str, str | None]) -> NameFacts:
+    factor = _FACTORS[parts.get("unit") or ""]
+    rate = parts.get("rate")
+    utc = form.program == "gqrx" or (bool(parts.get("zulu")) and form.zulu_is_utc)
+    start_ns = _start_ns(parts, utc=utc) if parts.get("year") else None
     return NameFacts(
         program=form.program,
-        center_frequency_hz=round(float(told["frequency"] or 0.0) * factor, 3) or None,
-        frequency_step_hz=_frequency_step_hz(form, told["frequency"] or "", factor),
+        center_frequency_hz=round(float(parts["frequency"] or 0.0) * factor, 3) or None,
+        frequency_step_hz=_frequency_step_hz(form, parts["frequency"] or "", factor),
         sample_rate_hz=(
-            float(rate) * _FACTORS[told.get("rate_unit") or ""] or None if rate else None
+            float(rate) * _FACTORS[parts.get("rate_unit") or ""] or None if rate else None
         ),
         start_time_ns=start_ns,
         local_time=start_ns is not None and not utc,
@@ -109,9 +105,9 @@ def _facts(form: _Form, told: dict[str, str | None]) -> NameFacts:
 
 
 def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
-    """What the last digit of a name's frequency stands for [Hz]; None for 1 Hz or less.
+    """Value of the last digit of a name's frequency [Hz]; None for 1 Hz or less.
 
-    rtl_433 writes six digits in all and leaves zeros at the end out (C's ``%g``).
+    rtl_433 writes six digits in all and omits zeros at the end (C's ``%g``).
     """
     whole, _, decimals = number.partition(".")
     places = max(0, 6 - len(whole)) if form.program == "rtl_433" else len(decimals)
@@ -119,11 +115,11 @@ def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
     return step_hz if step_hz > 1.0 else None
 
 
-def _start_ns(told: dict[str, str | None], *, utc: bool) -> int | None:
-    """Time in a name [ns, UTC]; None for one that is not in the calendar."""
+def _start_ns(parts: dict[str, str | None], *, utc: bool) -> int | None:
+    """Time in a name [ns, UTC]; None if it is not in the calendar."""
     try:
         fields = [
-            int(told[name] or 0)
+            int(parts[name] or 0)
             for name in ("year", "month", "day", "hour", "minute", "second")
         ]
         stamp = datetime(*fields, tzinfo=UTC if utc else None)  # type: ignore[misc, arg-type]

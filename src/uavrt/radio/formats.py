@@ -1,11 +1,11 @@
 """How complex samples are stored, and their conversion to complex64 without new arrays.
 
-Full scale is 1.0 in every format, so that a recording made as cs16 or cf32 by the same radio
-gives the same pulses and the same noise density.
+Full scale is 1.0 in every format, so cs16 and cf32 recordings of one radio give the same pulses
+and noise density.
 
-Cost on the reference machine at 3 MS/s in 87 ms blocks: cf32 nothing (read in place), cs16
-0.07 %, cu8 and ci8 0.11 % of a core; ``copyto`` then an in-place ``multiply`` is 20 % cheaper
-than one mixed-type ``multiply``, and twice as cheap as a look-up table.
+Cost on the reference machine at 3 MS/s in 87 ms blocks: cf32 nothing (read in place), cs16 0.07
+%, cu8 and ci8 0.11 % of a core; ``copyto`` then an in-place ``multiply`` is 20 % cheaper than
+one mixed-type ``multiply``, and twice as cheap as a look-up table.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from uavrt.errors import FormatError
 
 _ABSURD_POWER = 1e20
-"""Mean square of a value that no program writes: 32-bit integers as floats have 5e18."""
+"""Mean square above which floats are of another format: 32-bit integers give 5e18."""
 _INVALID_SHARE = 0.01
-"""Above this share of NaN or infinite values the data are taken to be of another format."""
+"""Share of non-finite values above which the data are of another format."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class SampleFormat:
     name: str
     """``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
     dtype: np.dtype[Any]
-    """Of one component."""
+    """Type of one component."""
     zero: float
     """Stored value that means 0."""
     full_scale: float
@@ -42,7 +42,7 @@ class SampleFormat:
 
     @property
     def in_place(self) -> bool:
-        """True when the stored bytes are complex64 already."""
+        """Whether the stored bytes are complex64 already."""
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
@@ -53,11 +53,7 @@ class SampleFormat:
         return made, np.zeros(samples * self.bytes_per_sample, np.uint8)
 
     def convert(self, raw: NDArray[np.uint8], samples: NDArray[np.complex64]) -> None:
-        """Convert stored bytes into `samples`, which they fill exactly.
-
-        `raw` (n * bytes_per_sample,): stored samples.
-        `samples` (n,): where to put them.
-        """
+        """Convert stored bytes `raw` (n * bytes_per_sample,) into `samples` (n,)."""
         stored = raw.view(self.dtype)
         values = samples.view(np.float32)
         np.copyto(values, stored, casting="unsafe")
@@ -85,7 +81,7 @@ CU8 = _integer("cu8", "u1")
 CI8 = _integer("ci8", "i1")
 
 FORMATS: dict[str, SampleFormat] = {f.name: f for f in (CF32, CS16, CU8, CI8)}
-"""Formats that can be named on the command line."""
+"""Formats that can be chosen on the command line."""
 
 _SIGMF: dict[str, SampleFormat] = {
     "ci8": CI8,
@@ -108,10 +104,7 @@ _SIGMF: dict[str, SampleFormat] = {
 
 
 def sample_format(name: str) -> SampleFormat:
-    """Find a format by its name.
-
-    Raises `FormatError`: no such format; the text lists those there are.
-    """
+    """Find a format by its name; raises `FormatError`, which lists them, if unknown."""
     # rtl_sdr users write cs8, others sc16 or fc32; one alias each costs nothing.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
     found = FORMATS.get(aliases.get(name.lower(), name.lower()))
@@ -124,10 +117,7 @@ def sample_format(name: str) -> SampleFormat:
 
 
 def sigmf_format(datatype: str) -> SampleFormat:
-    """Find the format of SigMF's ``core:datatype`` (SigMF specification, "Dataset Format").
-
-    Raises `FormatError`: not complex, or not known.
-    """
+    """Find the format of SigMF's ``core:datatype``; raises `FormatError` if unknown."""
     found = _SIGMF.get(datatype)
     if found is not None:
         return found
@@ -142,11 +132,11 @@ def sigmf_format(datatype: str) -> SampleFormat:
 
 
 def look_like_floats(data: bytes) -> bool:
-    """Return whether bytes that are said to be integers are float32 samples.
+    """Whether bytes that are declared as integers are float32 samples.
 
     The last byte of a little-endian float32 is its sign and most of the exponent: 0x30 to 0x46
-    for 1e-9 to 1e4 in size, with the sign 0xb0 to 0xc6. Integers that take both signs pass
-    through what lies between the two.
+    for 1e-9 to 1e4 in size, with the sign 0xb0 to 0xc6. Integers of both signs take values
+    between these ranges.
     """
     high = np.frombuffer(data, np.uint8)[3::4]
     if high.size < 1024:
@@ -157,13 +147,12 @@ def look_like_floats(data: bytes) -> bool:
 
 
 def clean(samples: NDArray[np.complex64], what: str) -> int:
-    """Replace the values that are not numbers by zero, in place; return how many.
+    """Replace non-finite values by zero, in place; return how many.
 
-    One dot product finds out whether there are any: for 87 ms at 3 MS/s 0.03 ms in a warm cache
-    (a fifth less than ``isfinite``), 0.2 ms in a cold one. A single NaN would stay for ever in
-    a detector's noise level.
+    A single NaN would spoil a detector's noise level for good. One dot product detects them:
+    for 87 ms at 3 MS/s 0.03 ms in a warm cache, 0.2 ms in a cold one.
 
-    Raises `FormatError`: so many, or values so large, that the data cannot be float samples.
+    Raises `FormatError` if there are too many, or values too large for samples.
     """
     values = samples.view(np.float32)
     limit = _ABSURD_POWER * max(values.size, 1)

@@ -11,14 +11,14 @@ from uavrt.radio.sigmf import sigmf_layout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _NO_GAP_S = 0.001
-"""Times are written to the microsecond and rates are nominal."""
+"""Longest time between pieces that is no gap [s]: times are rounded, and rates nominal."""
 
 
 class JoinedRecording:
-    """Samples of several SigMF recordings, gaps between them included.
+    """Samples of several SigMF recordings, with the gaps between them.
 
-    `paths`: in any order.
-    Raises `FormatError`: none of them holds samples, or they are not of one channel.
+    `paths`: in any order. Raises `FormatError` if none holds samples, or they are of several
+    channels.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -50,10 +50,10 @@ class JoinedRecording:
         self.start_time_ns = _start_ns(first)
         self.invalid_values = self.samples_lost = 0
         self._next = 0
-        """Of the recordings that were opened."""
+        """Index of the next recording to open."""
         self._source: RecordingSource | None = None
         self._index = 0
-        """Of the next sample, lost ones counted."""
+        """Index of the next sample, lost ones counted."""
         self._end_ns: int | None = None
 
     @property
@@ -62,7 +62,7 @@ class JoinedRecording:
         return sum(segment.count for one in self._layouts for segment in one.segments)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`. A file never makes one wait."""
+        """Get the next block; see `SampleSource.read`. It never waits."""
         del timeout_s
         while True:
             if self._source is None:
@@ -81,7 +81,7 @@ class JoinedRecording:
             return self._placed(block)
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close the open recording."""
         if self._source is not None:
             self.invalid_values += self._source.invalid_values
             self._source.close()
@@ -99,7 +99,7 @@ class JoinedRecording:
             raise EOFError(f"{self.name} has ended")
 
     def _placed(self, block: IQBlock) -> IQBlock:
-        """The block with an index on one line with the others'."""
+        """The block, indexed over all recordings."""
         lost = block.lost_before
         if self._end_ns is not None:
             gap_s = (block.time_ns - self._end_ns) / NANOSECONDS_PER_SECOND

@@ -1,4 +1,4 @@
-"""What all live sources have in common: rate, frequency, and the numbering of samples."""
+"""Base of all live sources: rate, frequency, and the numbering of samples."""
 
 import select
 from typing import ClassVar
@@ -8,19 +8,16 @@ from uavrt.radio.placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""No radio is tuned there in hertz, but all are in megahertz."""
+"""Frequencies below this are not in hertz, but surely in megahertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"
 )
-"""A radio at another rate, or one whose cable or computer loses samples without a pause."""
+"""Remedy for a wrong rate, or a cable or computer that loses samples steadily."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
-    """Refuse rates and frequencies that cannot be meant.
-
-    Raises `FormatError`: not positive, or not a number.
-    """
+    """Raise `FormatError` unless rate and frequency are positive and plausible."""
     if not 0.0 < sample_rate_hz < 1e9:
         raise FormatError(
             f"sample rate {sample_rate_hz} Hz is not possible",
@@ -40,19 +37,17 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
 
 
 class LiveSource:
-    """Base of sources that have no length.
+    """Base of sources without a known length.
 
-    `sample_rate_hz`, `center_frequency_hz`: what the sender was set to.
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone.
-    `start_moves`: stamp the start again when the first arrivals turn out to have been held up.
-    Raises `FormatError`: a rate that is not possible.
+    alone. `start_moves`: date the start again if the first arrivals were held up. Raises
+    `FormatError`: an impossible rate.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """What writes may be slower than real time: then a shortfall is no loss."""
+    """Whether the writer may be slower than real time; a shortfall is no loss then."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
-    """What to do about samples that arrive at another rate."""
+    """Remedy for samples that arrive at another rate."""
 
     def __init__(
         self,
@@ -75,25 +70,22 @@ class LiveSource:
 
     @property
     def samples_lost(self) -> int:
-        """Samples that never came, by the radio's words or by the arrivals."""
+        """Lost samples, as the radio reports or the arrivals show."""
         return self._placer.lost
 
     @property
     def samples_unsure(self) -> int:
-        """Of the lost, so many may as well be a crystal far off its rate."""
+        """Lost samples that a crystal far off its rate would explain as well."""
         return self._placer.unsure
 
     @property
     def unseen_losses(self) -> str | None:
-        """Why arrivals do not show what is lost, and times count from the first sample.
-
-        None: they show it.
-        """
+        """Why arrivals do not show losses, and times count from the first sample; else None."""
         return self._placer.unseen
 
     @property
     def rate_fault(self) -> str | None:
-        """The rate at which samples arrive, with the remedy, if it is not the one asked for."""
+        """The measured sample rate, with the remedy, if it is not the one requested."""
         return self._placer.rate_fault
 
     @property
@@ -108,7 +100,7 @@ class LiveSource:
 
     @property
     def total_samples(self) -> int | None:
-        """None: nobody knows how long a live stream will be."""
+        """None: the length of a live stream is unknown."""
         return None
 
 
@@ -116,7 +108,7 @@ class DatagramSource(LiveSource):
     """Base of sources at a UDP port, ``udp://HOST:PORT``."""
 
     def _listen(self, address: str) -> None:
-        """Open the port; raises `ConfigError`, `RadioError`: it cannot be."""
+        """Open the port; raises `ConfigError` or `RadioError`."""
         self.name = address
         self._sockets = listen(*parse_udp_address(address))
         self._poll = select.poll()

@@ -2,7 +2,7 @@
 
 A loss makes everything after it late, for good and by one amount. A machine that is held up
 makes a few arrivals late, and catches up: what it held comes at once. Jitter makes single ones
-late. Nothing else makes an arrival late, so the three are told apart by what follows::
+late. What follows distinguishes the three::
 
     late |            : :  :.: : :    a loss: late by one amount, at the pace of the samples
          |        :
@@ -27,67 +27,65 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Shortest stretch of stream of which one lateness is kept; USB transfers are 5 to 65 ms."""
+"""Shortest stretch of which one lateness is kept [s]; USB transfers are 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
-"""No crystal in use is slower than that: what is more may as well be small losses."""
+"""Largest rate error of crystals; beyond it there are small losses."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
-"""A loss somewhere about a transfer, if shorter than this, is put half before it and half
-behind: so no sample is off by more than half of it."""
+"""Length up to which a loss about a transfer is put half before it and half after [s]. So no
+sample is off by more than half of it."""
 _CELLS: Final = 100
-"""Two seconds of them."""
+"""Number of cells kept: two seconds."""
 _WINDOW_S: Final = 1.0
-"""Longest stretch that is weighed, or so many cells where writes are long (rtl_sdr's own are
-half a second at 250 kS/s)."""
+"""Longest stretch that is judged [s], or this many cells where writes are long. rtl_sdr's own
+writes are half a second at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""A stall and another one after it are no third."""
+"""Least number of late cells of a loss; two stalls in a row make fewer."""
 _NEWEST: Final = 4
-"""So many cells tell the level of now."""
+"""Number of newest cells that show the present level."""
 _QUIET_S: Final = 1.0
-"""So long after a loss the arrivals may still be late by what remains of it."""
+"""Time after a loss in which arrivals may still be late by its remainder [s]."""
 _EVIDENCE: Final = 14.0
-"""Natural logarithm of the odds against jitter: one in a million stretches, 40 of them in a
-second, of which few are independent."""
+"""Logarithm of the odds against jitter: 1 in 10⁶ of 40 mostly dependent stretches a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""The same within `_KNOWN_S` of a loss."""
+"""The same odds within `_KNOWN_S` of a loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Less than this over the jitter is never a loss: it may be the crystal or its temperature."""
+"""Smallest lateness above the jitter that counts as a loss [s]; the crystal drifts by less."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""A stretch that rises faster is a program that falls behind, and will catch up."""
+"""Slope above which the lateness is a program falling behind, not a loss."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _QUESTION_S: Final = 0.008
-"""Later than this, a cell may be the first after a loss."""
+"""Lateness above which a cell may be the first after a loss [s]."""
 _QUESTION_ENDS_S: Final = 0.35
 _SHARP: Final = 0.6
 """Share of the lateness that came within `_BEFORE_S`: a step, which no crystal makes."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Losses of a larger share of `_SHARE_S` are losses: no crystal is 800 ppm slow."""
+"""Share of `_SHARE_S` lost that no crystal explains: none is 800 ppm slow."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _RAMPS: Final = ((5.0, 0.09, 2.0, 0.005), (20.0, 0.02, 1.2, 0.0))
-"""Limits that identify a slow source: span [s], least rise of the lateness as a share of it,
-and largest scatter about a line, in jitters plus a share of the rise. Losses of a twentieth of
-the samples scatter by more, even losses of 1 ms."""
+"""Limits that identify a slow source: span [s], rise of lateness, and scatter about a line. The
+rise is a share of the span, the scatter in jitters plus a share of the rise. Losses of a
+twentieth of the samples scatter by more, even losses of 1 ms."""
 _LEAST_POINTS: Final = 6
 _MAY_SCATTER: Final = 0.015
-"""A loss is reported later while the scatter is below this share of the rise: the source may
-be slow."""
+"""Scatter, as a share of the rise, below which a loss waits: the source may be slow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """A stretch of samples that did not come."""
+    """A stretch of lost samples."""
 
     duration_s: float
     since_s: float
     """Where the late arrivals begin [nominal seconds]."""
     sharp: bool
-    """It came within half a second: a step, not a drift."""
+    """Whether it came within half a second: a step, not a drift."""
     inside_s: float
     """Length of the first late arrival if the loss must lie within it; 0: before it."""
     sure: bool
@@ -100,9 +98,9 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """It took as long to come as to be sampled: the sender was not catching up."""
+    """Whether it took as long to come as to be sampled: the sender was not catching up."""
     single: bool
-    """It came at once."""
+    """Whether it came at once."""
 
     @property
     def length_s(self) -> float:
@@ -112,8 +110,8 @@ class _Cell:
 class LossFinder:
     """Judges the lateness of arrivals; pure.
 
-    Lateness is that over the lower envelope of all arrivals, in seconds of the nominal rate.
-    Losses that were found must be added to the nominal seconds of what follows.
+    Lateness is measured from the lower envelope of all arrivals, in seconds of the nominal
+    rate. The caller adds losses found to the nominal seconds of what follows.
 
     `may_be_slow`: the writer may be slower than real time; a radio never is.
     """
@@ -121,39 +119,38 @@ class LossFinder:
     def __init__(self, *, may_be_slow: bool = False) -> None:
         self._may_be_slow = may_be_slow
         self.jitter_s = 0.005
-        """Mean lateness of the cells, as far as jitter makes it."""
+        """Mean lateness of the cells from jitter [s]."""
         self.question_s: float | None = None
-        """Nominal seconds where the arrivals begin to be so late that a loss may lie there."""
+        """Nominal seconds at which arrivals began to be so late that there may be a loss."""
         self._falls = 0
         self._usual_s = 0.001
-        """Least lateness of four cells as a rule: the envelope is that of many more."""
+        """Usual least lateness of four cells [s]; the envelope is that of many more."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
         self._newest_at_s = 0.0
         self._late_from_s: float | None = None
-        """Where the late arrivals begin that go on up to the newest; None: it is not late."""
+        """Where the present late arrivals begin [nominal seconds]; None if not late."""
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
         self._found_s = 0.0
         self._points: deque[tuple[float, float]] = deque()
-        """End and least delay of each cell [s], without correction for the losses found."""
+        """End and least delay of each cell [s], without correction for losses."""
         self._least_delay_s = math.inf
         self.behind = False
         """Whether the source is slower than real time."""
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
-        """Learn from elsewhere that the radio is losing samples."""
+        """Note the radio's own report that it is losing samples."""
         self._known_until_s = at_s + _KNOWN_S
 
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
         """Add an arrival; get the loss that it proves.
 
         `at_s`: nominal seconds up to which the samples are here, lost ones counted.
-        `arrived_s`: when that was, on a clock [s].
-        `late_s`: how much later than the envelope.
+        `arrived_s`: when that was, on a clock [s]. `late_s`: lateness.
         """
         since_s, self._newest_at_s = self._newest_at_s, at_s
         if self._from is None:
@@ -195,7 +192,7 @@ class LossFinder:
         return loss
 
     def early_s(self) -> float:
-        """How much too late the envelope is, by two arrivals within a second; or 0."""
+        """Excess of the envelope by two arrivals within a second [s]; or 0."""
         if len(self._cells) < 2:
             return 0.0
         newest = [
@@ -207,7 +204,7 @@ class LossFinder:
         return second_s
 
     def shift(self, seconds: float) -> None:
-        """Note that the envelope has moved: what was late is less so by this."""
+        """Note that the envelope has moved, so that lateness falls by this."""
         for cell in self._cells:
             cell.late_s -= seconds
 
@@ -259,7 +256,7 @@ class LossFinder:
         return slope >= share and rest_s <= jitters * self.jitter_s + scatter * rise_s
 
     def _learn_jitter(self, cell: _Cell) -> None:
-        """Follow the mean fall from cell to cell: losses make none, jitter its mean."""
+        """Track the mean fall from cell to cell: losses make none, jitter its mean."""
         if not cell.fresh or not self._cells or not self._cells[-1].fresh:
             return
         if self.question_s is not None:
@@ -276,7 +273,7 @@ class LossFinder:
         return min(self._cells[at].late_s for at in range(-count, 0))
 
     def _learn_usual(self) -> None:
-        """Follow the least lateness of a few cells, as long as nothing is lost."""
+        """Track the least lateness of a few cells while nothing is lost."""
         quiet = self._cells[-1].end_s > self._loss_at_s + _QUIET_S
         if quiet and self.question_s is None and len(self._cells) >= _NEWEST:
             self._usual_s += 0.02 * (self._newest_s(_NEWEST) - self._usual_s)
@@ -292,21 +289,21 @@ class LossFinder:
             self.question_s = math.inf
 
     def _is_late(self, late_s: float) -> bool:
-        """Whether something so late may be the first after a loss."""
+        """Whether this lateness may be the first after a loss."""
         return late_s > max(_QUESTION_S, 5.0 * self.jitter_s)
 
     @property
     def asking(self) -> bool:
-        """Whether the next few arrivals will tell if there was a loss."""
+        """Whether the next few arrivals will show if there was a loss."""
         return self.question_s is not None and self.question_s < math.inf
 
     @property
     def may_ask(self) -> bool:
-        """Whether the next arrivals of an unfinished cell may begin such a question."""
+        """Whether the next arrivals of an unfinished cell may open such a question."""
         return self.question_s is None and self._late_from_s is not None
 
     def _judge(self) -> Loss | None:
-        """Weigh all stretches of cells up to the newest."""
+        """Judge all stretches of cells up to the newest."""
         cells, jitter_s = self._cells, self.jitter_s
         end_s = cells[-1].end_s
         needed = _EVIDENCE_KNOWN if end_s < self._known_until_s else _EVIDENCE
@@ -331,7 +328,7 @@ class LossFinder:
         return self._loss(best)
 
     def _has_turned(self, count: int) -> bool:
-        """Whether the lateness has lain level for long enough after a long climb.
+        """Whether the lateness has been level for long enough after a long climb.
 
         A program that falls behind and catches up is level for a moment, at the top.
         """
@@ -349,7 +346,7 @@ class LossFinder:
         return climb_s <= _CLIMB_S or level_s >= min(0.5 * climb_s, _LEVEL_AFTER_CLIMB_S)
 
     def _level(self, count: int) -> bool:
-        """Whether the newest cells lie level: they agree, and neither fall nor climb away."""
+        """Whether the newest cells agree, and neither fall nor climb."""
         cells = [self._cells[at] for at in range(-count, 0)]
         if len(self._agreeing(count)) < _LEAST_CELLS:
             return False
@@ -360,7 +357,7 @@ class LossFinder:
         return -fall_s <= rise_s <= _LEVEL_S + _LEVEL_SLOPE * span_s
 
     def _agreeing(self, count: int) -> list[_Cell]:
-        """Those of the newest cells that came at their pace and lie near the least late one."""
+        """The newest cells at the pace of the samples and near the least late one."""
         cells = [self._cells[at] for at in range(-count, 0)]
         near_s = min(c.late_s for c in cells) + _LEVEL_S + 2.0 * self.jitter_s
         near_s += _LEVEL_SLOPE * (cells[-1].end_s - cells[0].end_s)
@@ -370,7 +367,7 @@ class LossFinder:
         """Measure the loss that the newest cells show."""
         cells = self._cells
         lowest_s = min(cells[at].late_s for at in range(-count, 0))
-        # The level now: more may have been lost since the stretch began.
+        # The present level: more may have been lost since the stretch began.
         newest_s = min(c.late_s for c in self._agreeing(count)[-_NEWEST:])
         first = cells[-count]
         duration_s = newest_s - self._usual_s
@@ -392,11 +389,10 @@ class LossFinder:
         )
 
     def _inside_s(self, first: _Cell, duration_s: float) -> float:
-        """Tell whole transfers that were dropped from a hole in one that came.
+        """Length of the transfer that contains the loss; 0 if whole transfers were dropped.
 
-        Whole ones make the loss a multiple of their length. What lies inside may be anywhere
-        in it; the end is as good as the beginning for the mean, and leaves what was sampled
-        before the loss at its true time.
+        Whole ones make the loss a multiple of their length. A loss inside may be anywhere; its
+        end is taken, which keeps the samples before the loss at their true time.
         """
         length_s = first.end_s - first.begin_s
         if not first.single or length_s <= 0.0:
@@ -406,7 +402,7 @@ class LossFinder:
         return 0.0 if whole else length_s
 
     def _is_much(self, duration_s: float) -> bool:
-        """Whether so much is lost in half a minute that no crystal explains it."""
+        """Whether half a minute has lost more than a crystal explains."""
         now_s = self._cells[-1].end_s
         while self._slow and self._slow[0][0] < now_s - _SHARE_S:
             self._slow.popleft()
@@ -415,7 +411,7 @@ class LossFinder:
         return lost_s > _SURE_SHARE * min(_SHARE_S, max(now_s - began_s, 5.0))
 
     def _take(self, loss: Loss) -> None:
-        """Continue behind a loss: its cells are late no longer."""
+        """Continue after a loss: its cells are late no longer."""
         now_s = self._cells[-1].end_s
         self._found_s += loss.duration_s
         self._slow.append((now_s, loss.duration_s))
@@ -428,15 +424,15 @@ class LossFinder:
 
 
 def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
-    """Bound how many samples may be lost beside those that are surely lost.
+    """Upper bound of losses beyond those that are sure.
 
-    `unsure`: samples that are lost unless the crystal is far off its rate.
-    `samples`: length of the stream: so small a share of it looks like any crystal.
-    `sample_rate_hz`: of the stream; what has gathered since the last gap is not seen yet.
+    `unsure`: samples lost unless the crystal is far off its rate. `samples`: length of the
+    stream: a small share of it looks like any crystal. `sample_rate_hz`: of the stream; the
+    losses since the last gap are not seen yet.
     """
     return unsure + round(SLOWEST_RATE * samples + _UNSEEN_S * sample_rate_hz)
 
 
 def _least_span_s(lowest_s: float) -> float:
-    """How long a first lateness must last to be a loss: jitter of neighbours is alike."""
+    """Least duration of a first lateness that is a loss; neighbours have similar jitter."""
     return 0.5 * min(max(0.0, (0.015 - lowest_s) / 0.010), 1.0)

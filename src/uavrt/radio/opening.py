@@ -37,8 +37,8 @@ def _open_soapy(
 
 
 OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": _open_soapy})
-"""Radios that are not programs, those that installed packages add included: each is opened
-with the settings, the frequency to tune to [Hz] and the system's clock."""
+"""Radios that are not programs, also of installed packages. Each is opened with the settings,
+the frequency to tune to [Hz] and the system's clock."""
 
 _SUFFIXES: dict[str, str] = {
     ".cf32": "cf32",
@@ -60,13 +60,10 @@ _SUFFIXES: dict[str, str] = {
 def open_radio(
     settings: RadioSettings, center_frequency_hz: float, *, clock: Clock | None = None
 ) -> SampleSource:
-    """Start the radio of the settings.
+    """Start the radio of the settings, tuned to a frequency [Hz].
 
-    `settings`: which radio, how set.
-    `center_frequency_hz`: where to tune it [Hz].
-    `clock`: the system's clock.
-    Raises `RadioMissing`: its program or driver is not installed.
-    Raises `ConfigError`: a setting that the radio does not have.
+    Raises `RadioMissing` if its program or driver is not installed, `ConfigError` for an
+    unsupported setting.
     """
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
@@ -84,10 +81,7 @@ def open_stream(
     start_time_ns: int | None = None,
     clock: Clock | None = None,
 ) -> StreamSource:
-    """Read live samples from a pipe; its rate and frequency must be given.
-
-    Raises `FormatError`: something is not told or not possible.
-    """
+    """Read live samples from a pipe; raises `FormatError` without rate and frequency."""
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
         raise FormatError(
@@ -98,8 +92,10 @@ def open_stream(
     return StreamSource(
         descriptor,
         stored,
-        sample_rate_hz=_told(sample_rate_hz, "sample-rate", "standard input"),
-        center_frequency_hz=_told(center_frequency_hz, "center-frequency", "standard input"),
+        sample_rate_hz=_required(sample_rate_hz, "sample-rate", "standard input"),
+        center_frequency_hz=_required(
+            center_frequency_hz, "center-frequency", "standard input"
+        ),
         start_time_ns=start_time_ns,
         clock=clock,
     )
@@ -108,18 +104,16 @@ def open_stream(
 def open_channel(
     address: str, *, sample_rate_hz: float | None, center_frequency_hz: float | None
 ) -> ChannelDatagramSource:
-    """Listen to one channel of the original channelizer, or of ours.
+    """Receive one channel of the original channelizer, or of ours.
 
-    `address`: ``udp://127.0.0.1:20090``.
-    `sample_rate_hz`: rate of the channel; None: the original's, 3750 Hz.
-    `center_frequency_hz`: frequency of the channel's centre; must be given.
-    Raises `FormatError`: the frequency is not given.
-    Raises `ConfigError` or `RadioError`: not an address, or not a free one.
+    `address`: ``udp://127.0.0.1:20090``. `sample_rate_hz`: rate of the channel; None: the
+    original's, 3750 Hz. `center_frequency_hz`: of the channel. Raises `FormatError` without a
+    frequency, `ConfigError` or `RadioError` for an invalid or taken address.
     """
     return ChannelDatagramSource(
         address,
         sample_rate_hz=3750.0 if sample_rate_hz is None else sample_rate_hz,
-        center_frequency_hz=_told(center_frequency_hz, "center-frequency", address),
+        center_frequency_hz=_required(center_frequency_hz, "center-frequency", address),
     )
 
 
@@ -131,15 +125,13 @@ def open_recording(
     center_frequency_hz: float | None = None,
     start_time_ns: int | None = None,
 ) -> RecordingSource:
-    """Open a recording; what the file itself says need not be told.
+    """Open a recording; options are needed only for what the file does not contain.
 
-    `path`: the file; of a SigMF recording either file or their common name.
-    `format_name`: ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's
-    ending.
-    `sample_rate_hz`, `center_frequency_hz`: for raw files whose name does not say them. A rate
-    that contradicts the file is refused; a frequency replaces it.
-    `start_time_ns`: time of the first sample [ns, UTC].
-    Raises `FormatError`: the file cannot be read, or is not what it is said to be.
+    `path`: the file; of a SigMF recording either file or their common name. `format_name`:
+    ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's ending.
+    `sample_rate_hz`, `center_frequency_hz`: for raw files whose name does not contain them. A
+    rate that contradicts the file is refused; a frequency replaces it. `start_time_ns`: time of
+    the first sample [ns, UTC]. Raises `FormatError` if it is unreadable or of another format.
     """
     layout = _layout(
         path,
@@ -188,12 +180,12 @@ def _layout(
     return raw_layout(
         path,
         stored,
-        sample_rate_hz=_told(
+        sample_rate_hz=_required(
             named.sample_rate_hz if sample_rate_hz is None else sample_rate_hz,
             "sample-rate",
             str(path),
         ),
-        center_frequency_hz=_told(
+        center_frequency_hz=_required(
             named.center_frequency_hz if center_frequency_hz is None else center_frequency_hz,
             "center-frequency",
             str(path),
@@ -220,7 +212,7 @@ def _guess(path: Path) -> str | None:
     return found
 
 
-def _told(value: float | None, option: str, what: str) -> float:
+def _required(value: float | None, option: str, what: str) -> float:
     if value is None:
         raise FormatError(f"{what} does not say its {option}", remedy=f"Give --{option}")
     return value

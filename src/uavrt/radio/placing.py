@@ -1,8 +1,8 @@
-"""Where the samples of a live stream belong: index, time, and the gaps between them.
+"""Index and time of a live stream's samples, and the gaps between them.
 
-A source gathers samples to blocks and tells of every arrival. When one is so late that samples
-may have been lost, the block ends before it: the next few arrivals tell whether a gap lies
-there or the machine was held up, before anybody has been given what came after.
+A source collects samples to blocks and reports every arrival. If one is so late that samples
+may be lost, the block ends before it: the next few arrivals show whether there is a gap or the
+machine was held up, before later samples are passed on.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from uavrt.radio.losses import HALVED_S
 from uavrt.radio.times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""So much longer than a block is waited for an answer: two transfers of a slow radio."""
+"""Longest wait for that answer beyond a block's length [s]: two transfers of a slow radio."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
-"""What comes within this is one write of the radio's program."""
+"""Time within which bytes belong to one write of the radio's program [ns]."""
 _LONG_WRITE_S: Final = 0.040
-"""A loss somewhere in a longer write is put into its middle, where fewest samples are on the
-wrong side of it; in a shorter one behind it, where none before a loss is wrong."""
+"""Length of a write above which a loss in it is put into its middle [s]. A loss in a shorter
+one is put after it, so that no sample before the loss is wrong."""
 _LEAST_S: Final = 0.001
-"""Less before a late arrival is not made a block of its own."""
+"""Least time before a late arrival that makes a block of its own [s]."""
 
 log = get_logger()
 
@@ -40,13 +40,11 @@ class _Arrival:
 class Placer:
     """Numbers and times the samples of a live stream.
 
-    `sample_rate_hz`: nominal rate.
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone, and only losses that the sender reports are known.
-    `start_moves`: stamp the start again when the first arrivals turn out to have been held up;
-    False where those who listen need times without a step from the first block on.
-    `may_be_slow`: the writer may be slower than real time; a radio never is.
-    `rate_remedy`: what to do about samples that arrive at another rate.
+    alone, and only losses that the sender reports are known. `start_moves`: date the start
+    again if the first arrivals were held up; False where times must not step. `may_be_slow`:
+    the writer may be slower than real time; a radio never is. `rate_remedy`: for samples that
+    arrive at another rate.
     """
 
     def __init__(
@@ -60,10 +58,10 @@ class Placer:
     ) -> None:
         self._start_moves = start_moves
         self.index = 0
-        """Of the next sample to be given, lost ones counted."""
+        """Index of the next sample to be given, lost ones counted."""
         self.lost = 0
         self.unsure = 0
-        """Of the lost, so many may as well be a crystal far off its rate."""
+        """Lost samples that a crystal far off its rate would explain as well."""
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)
         self._may_be_slow, self._rate_remedy = may_be_slow, rate_remedy
@@ -77,7 +75,7 @@ class Placer:
         self._before = 0
         """Samples lost before those that are held."""
         self._cut = 0
-        """So many of those held come before a late arrival, and are to be given first."""
+        """Number of held samples before a late arrival, which are given first."""
         self._after_cut = 0
         self._burst: _Arrival | None = None
         self._last: tuple[int, int] | None = None
@@ -98,7 +96,7 @@ class Placer:
 
     @property
     def rate_fault(self) -> str | None:
-        """The rate at which samples arrive, with the remedy, if it is not the one asked for.
+        """The measured sample rate, with the remedy, if it is not the one requested.
 
         A recording that is piped faster than three times real time is no fault.
         """
@@ -115,14 +113,14 @@ class Placer:
         )
 
     def begin(self, now_ns: int) -> None:
-        """Note when samples were first waited for."""
+        """Note when the wait for samples began."""
         if self._last is None:
             self._last = (0, now_ns)
 
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
-        """Learn how many samples are at hand or wait to be read at a time [ns, UTC].
+        """Note how many samples are here or can be read at a time [ns, UTC].
 
-        `full`: the sender is waiting for us, and its pace says nothing of the radio.
+        `full`: the sender is waiting for us, so that its pace does not show the radio's.
         """
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
@@ -138,7 +136,7 @@ class Placer:
             self._burst = None
 
     def settle(self) -> bool:
-        """Whether what is held can be given now: no late arrival is in question."""
+        """Whether the held samples can be given now: no late arrival is in question."""
         if self._keeper.asking and self._burst is not None:
             burst, self._burst = self._burst, None
             self._learn(burst, False)
@@ -146,11 +144,11 @@ class Placer:
 
     @property
     def to_give_first(self) -> int:
-        """Samples of those held that end a block, though more are here; 0 for none."""
+        """Number of held samples that end a block early; 0 for none."""
         return self._cut
 
-    def tell_lost(self, samples: int, held: int = 0) -> None:
-        """Learn of lost samples from the radio itself; `held` of those here came before."""
+    def add_lost(self, samples: int, held: int = 0) -> None:
+        """Add lost samples that the radio reports; `held` of those here came before."""
         left = self._keeper.skip(samples)
         if left <= 0:
             return
@@ -162,11 +160,11 @@ class Placer:
             self._before += left
 
     def expect_losses(self) -> None:
-        """Learn that the radio reports losses, without their number."""
+        """Note that the radio reports losses, without their number."""
         self._keeper.expect_losses()
 
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:
-        """Make a block of the oldest samples held, and go on behind it."""
+        """Make a block of the oldest samples held, and continue after it."""
         lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
         self._before, self._after_cut, self._cut = self._after_cut, 0, 0
         self.index += lost
@@ -195,7 +193,7 @@ class Placer:
         return block
 
     def _log(self, lost: int) -> None:
-        """Log a first loss at once, later losses summed over ten seconds of the stream."""
+        """Log the first loss at once, later ones summed over ten seconds of the stream."""
         self._unsaid += lost
         if self.index >= self._say_again:
             log.warning(
@@ -213,7 +211,7 @@ class Placer:
         return self.index + self._before + self._after_cut + held
 
     def _learn(self, arrival: _Arrival, full: bool) -> None:
-        """Tell the time keeper of an arrival, and take what it has found."""
+        """Pass an arrival to the time keeper, and take the losses that it has found."""
         end = self._place(arrival.held)
         last_end, last_ns = self._last or (0, arrival.time_ns)
         took_s = (arrival.time_ns - last_ns) * 1e-9

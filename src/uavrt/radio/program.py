@@ -26,21 +26,21 @@ from uavrt.radio.programs import PROGRAMS, commands_before, receive_command
 from uavrt.radio.stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Opening a device and loading its firmware takes up to some seconds."""
+"""Longest start [s]: opening a device and loading its firmware."""
 _STALL_S: Final = 1.0
-"""A radio gives a buffer every few milliseconds; programs pass them on at once."""
+"""Silence that is a stall [s]; radios give a buffer every few milliseconds."""
 _TERMINATE_S: Final = 2.0
-"""From SIGTERM to SIGKILL: airspy_rx stops in 0.1 s, if its USB transfers end."""
+"""Time from SIGTERM to SIGKILL [s]; airspy_rx stops in 0.1 s if its USB transfers end."""
 _FIRST_LINES: Final = 4
-"""First lines of stderr that are kept; a long usage text may follow."""
+"""Number of first lines of stderr that are kept; a long usage text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Lines that say nothing; some programs write them every second."""
+"""Progress lines, which some programs write every second; ignored."""
 
 _LOST: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
-"""A program that knows what it lost says it so; the others' losses the arrivals show."""
+"""Message of a program that knows its losses; for others the arrivals show them."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""hackrf_transfer -B: how often the board's buffer was full since the start; not how long."""
+"""hackrf_transfer -B: number of buffer overruns since the start, without their length."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
 """A sample rate as airspy_info and airspyhf_info list it."""
 
@@ -50,16 +50,12 @@ log = get_logger()
 class ProgramSource(StreamSource):
     """Samples of a radio whose program runs as our child, in its own process group.
 
-    `settings`: which radio, how set.
-    `center_frequency_hz`: where to tune it.
-    `clock`: where arrival times come from.
-    `startup_s`, `stall_s`: how long without a byte is normal at the start, and later [s].
-    Raises `RadioMissing`: the program is not installed.
-    Raises `ConfigError`: a setting that the radio does not have.
+    `startup_s`, `stall_s`: normal silence at the start, and later [s]. Raises `RadioMissing` if
+    the program is not installed, `ConfigError` for an unsupported setting.
     """
 
     MAY_BE_SLOW = False
-    """A radio keeps its rate: an even shortfall is lost samples, and times follow arrivals."""
+    """False: a radio keeps its rate, so an even shortfall is lost samples."""
     RATE_REMEDY = RADIO_RATE_REMEDY
 
     def __init__(
@@ -78,16 +74,16 @@ class ProgramSource(StreamSource):
         self._program = PROGRAMS[settings.kind]
         command += _talkative(self._program, settings, self._answers_until_s)
         self._seen = any(one.kind == settings.kind for one in usb_radios())
-        """Its USB identification is one of those known, and it was there."""
+        """Whether a known USB device was there at the start."""
         self._startup_s, self._stall_s = startup_s, stall_s
         self._first: list[str] = []
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
         self._said = ""
-        """Line that was logged last: one that is repeated for ever would fill the disk."""
+        """The last line logged, so that an endless repetition does not fill the disk."""
         self._lost = 0
         self.overruns = 0
-        """Times that the radio's own buffer was full, where its program tells."""
+        """Number of overruns of the radio's own buffer, if its program reports it."""
         for before in commands_before(settings):
             self._run_before(before)
         self._child = _start(command, self._program.package)
@@ -121,16 +117,15 @@ class ProgramSource(StreamSource):
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`.
 
-        Raises `RadioMissing`: the program has found no device, or may not open it.
-        Raises `RadioStopped`: the program has ended; the text holds how and its last words.
-        Raises `RadioStalled`: it runs but gives no samples.
+        Raises `RadioMissing` if the device is missing or forbidden, `RadioStopped` with its
+        last words if the program has ended, `RadioStalled` if it sends no samples.
         """
         if self._closed:
             raise EOFError(f"{self.name} was closed")
         return super().read(timeout_s)
 
     def close(self) -> None:
-        """End the program: SIGTERM, then SIGKILL, to its whole group; reap it."""
+        """End the program and its process group: SIGTERM, then SIGKILL."""
         if self._closed:
             return
         self._closed = True
@@ -154,7 +149,7 @@ class ProgramSource(StreamSource):
             return
 
     def _wait(self, timeout_s: float | None) -> bool:
-        """Wait for samples; meanwhile listen to stderr and watch for a stall."""
+        """Wait for samples; meanwhile read stderr and watch for a stall."""
         allowed_s = self._startup_s if self._placer.index + self._filled == 0 else self._stall_s
         until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
         if until_stall_s < 0.0:
@@ -171,7 +166,7 @@ class ProgramSource(StreamSource):
         return ready
 
     def _listen(self) -> None:
-        """Read what the program says on stderr."""
+        """Read the program's stderr."""
         try:
             said = os.read(self._words, 65536)
         except BlockingIOError:
@@ -194,7 +189,7 @@ class ProgramSource(StreamSource):
                 log.info("radio says", program=self.name, line=line)
 
     def _note_overruns(self, line: str) -> None:
-        """Take the radio's own count of overruns: that samples are lost, but not how many."""
+        """Handle the radio's count of overruns, which shows losses without their size."""
         found = _OVERRUNS.search(line)
         if not found or int(found[1]) <= self.overruns:
             return
@@ -204,23 +199,23 @@ class ProgramSource(StreamSource):
         self.overruns = int(found[1])
         self._placer.expect_losses()
 
-    def _told_lost(self) -> int:
+    def _reported_lost(self) -> int:
         lost, self._lost = self._lost, 0
         return lost
 
     def _check_end(self) -> None:
-        """Explain why the program ended, once its last whole samples are given."""
+        """Raise why the program ended, once its last complete samples are given."""
         enough = self._placer.index > 0 and self._filled >= self._format.bytes_per_sample
         self._answers_until_s = monotonic_s() + _ANSWERS_S
         try:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
-            # It has closed its stdout but goes on: of no use to anybody.
+            # It has closed its stdout but continues to run, which is useless.
             self._signal(signal.SIGKILL)
             code = self._child.wait()
         if enough:
             return
-        # hackrf_transfer prints its usage to stdout when it fails: those are no samples.
+        # hackrf_transfer prints its usage to stdout when it fails.
         self._filled = 0
         self._listen()
         if self._line:
@@ -236,7 +231,7 @@ class ProgramSource(StreamSource):
         )
 
     def _own_rates(self) -> str:
-        """List the rates that the information program prints of the device."""
+        """List the rates that the information program prints for the device."""
         program, said = self._program, ""
         if not program.inform or self._settings.program:
             return ""
@@ -258,7 +253,7 @@ class ProgramSource(StreamSource):
 
 
 _ANSWERS_S: Final = 4.0
-"""For all programs that only answer [s]; a receiver that is silent for 5 s is killed."""
+"""Time limit of information programs [s]; a receiver silent for 5 s is killed."""
 
 
 def _run(
@@ -287,10 +282,10 @@ _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
-    """Replace a serial number of digits by the device's place in its program's list.
+    """Replace a numeric serial by the device's place in its program's list.
 
-    rtl_sdr and rtl_biast would take 00000001 for the second device, and put the bias voltage
-    on it.
+    rtl_sdr and rtl_biast would take 00000001 for the second device, and put the bias voltage on
+    it.
     """
     wanted, program = settings.serial, PROGRAMS.get(settings.kind)
     if program is None or settings.program or not program.lists:
@@ -314,7 +309,7 @@ def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
 
 
 def _talkative(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
-    """List the arguments that make this version of the program report its overruns, if any."""
+    """Arguments that make this version of the program report its overruns, if any."""
     if settings.program or not program.overruns_option:
         return []
     finished = _run((program.receive, "-h"), program.package, until_s)
@@ -344,8 +339,8 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
 def _die_with_us() -> list[str]:
     """Words before a command that let the kernel end it when we end, even by SIGKILL.
 
-    A radio program that writes ends by itself when its pipe closes; one that hangs would keep
-    the radio. ``setpriv`` is part of util-linux, which every Debian has.
+    A radio program that writes ends when its pipe closes; one that hangs would keep the radio.
+    ``setpriv`` is part of util-linux, which every Debian has.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "KILL", "--"] if setpriv else []

@@ -1,7 +1,6 @@
-"""The radios' own programs and their arguments.
+"""The radios' own programs and their arguments; the radios' table is in `uavrt.config.radios`.
 
-Their table is `uavrt.config.radios`. The programs are run as they are; nothing of them is
-linked.
+The programs are run as they are; none is linked.
 """
 
 from collections.abc import Callable
@@ -12,13 +11,13 @@ from uavrt.config.settings import RadioSettings
 from uavrt.errors import ConfigError
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}
-"""The radios that have one."""
+"""The radios that have a program."""
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
-    """Build the argument list of the radio's program; its samples go to stdout.
+    """Arguments of the radio's program, with samples to stdout.
 
-    Raises `ConfigError`: a setting that this radio does not have.
+    Raises `ConfigError` for an unsupported setting.
     """
     program = PROGRAMS[_known(settings.kind)]
     gain = (program.default_gain or 0) if settings.gain is None else settings.gain
@@ -40,10 +39,10 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
 
 
 def commands_before(settings: RadioSettings) -> list[list[str]]:
-    """List what must be run before the radio's program: rtl_sdr cannot switch its bias-tee."""
+    """Commands to run before the radio's program: rtl_sdr cannot switch its bias-tee."""
     if settings.program or settings.kind != "rtlsdr":
         return []
-    # Also to switch it off: it stays on from an earlier flight.
+    # Set in any case: it stays on from an earlier flight.
     bias = "1" if settings.bias_tee else "0"
     return [["rtl_biast", *_serial("-d", settings), "-b", bias]]
 
@@ -90,7 +89,7 @@ def _rtlsdr(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str
 
 
 def _hackrf(settings: RadioSettings, frequency_hz: float, gain: int) -> list[str]:
-    """List the arguments; the gain is shared between LNA and VGA."""
+    """Arguments of hackrf_transfer; the gain is shared between LNA and VGA."""
     lna = min(40, 8 * round(gain / 16))
     vga = min(62, 2 * ((gain - lna) // 2))
     return [
@@ -110,7 +109,7 @@ ARGUMENTS: dict[str, Callable[[RadioSettings, float, int], list[str]]] = {
 
 
 def _corrected(settings: RadioSettings, frequency_hz: float) -> float:
-    """Ask for a little less of a crystal that is fast; most programs have no such option.
+    """Rate or frequency reduced for a fast crystal; most programs have no such option.
 
     (hackrf_transfer has ``-C``, but reads it as an unsigned number.)
     """
@@ -126,7 +125,7 @@ def _rate(settings: RadioSettings) -> str:
 
 
 def _serial(option: str, settings: RadioSettings) -> tuple[str, ...]:
-    """Choose one of several devices; Airspy's programs refuse a number without its prefix."""
+    """Arguments that choose a device; Airspy's programs need a prefix before its number."""
     if not settings.serial:
         return ()
     prefix = RADIOS[settings.kind].serial_prefix

@@ -1,7 +1,7 @@
-"""Samples from a file: raw, SigMF or WAV, all behind one source.
+"""Samples from a file: raw, SigMF or WAV.
 
-Readers of the three kinds (`raw_layout`, `uavrt.radio.sigmf`, `uavrt.radio.wav`) only say where
-the samples lie and what is known of them, as a `Layout`; `RecordingSource` reads any layout.
+Readers of the three kinds (`raw_layout`, `uavrt.radio.sigmf`, `uavrt.radio.wav`) describe a
+file as a `Layout`; `RecordingSource` reads any layout.
 """
 
 import os
@@ -41,7 +41,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """Where a recording's samples lie, and what is known of them."""
+    """Location of a recording's samples, and their description."""
 
     path: Path
     sample_format: SampleFormat
@@ -49,23 +49,23 @@ class Layout:
     center_frequency_hz: float
     segments: tuple[Segment, ...]
     frequency_from: str = SAID
-    """Who says the radio frequency, in words."""
+    """Origin of the radio frequency, in words."""
     rate_from: str = SAID
     start_from: str = SAID
-    """Who says when it began."""
+    """Origin of the start time, in words."""
     first_byte: int = 0
     fault_at_end: str | None = None
-    """Why the recording is not whole; raised after all its whole samples have been given."""
+    """Why the recording is incomplete; raised after all its complete samples."""
 
 
 class SampleBytes(Protocol):
-    """A file that is read from any place."""
+    """A file that can be read at any place."""
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a piece of memory from a place on; how much was got, 0 at the end."""
+        """Fill memory from a place on; return the number of bytes, 0 at the end."""
 
     def close(self) -> None:
-        """Close it."""
+        """Close the file."""
 
 
 class _FileBytes:
@@ -91,9 +91,8 @@ class _FileBytes:
 class RecordingSource:
     """Samples of a recording, as fast as they can be read.
 
-    `layout`: where they lie.
-    `stored`: the file, if it is not one of this machine.
-    Raises `FormatError`: the file cannot be opened, or holds no samples.
+    `stored`: the file, if it is not on this machine. Raises `FormatError` if the file cannot be
+    opened, or holds no samples.
     """
 
     def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
@@ -141,18 +140,18 @@ class RecordingSource:
 
     @property
     def layout(self) -> Layout:
-        """Where its samples lie, and what is known of them."""
+        """Location of its samples, and their description."""
         return self._layout
 
     @property
     def segments(self) -> tuple[Segment, ...]:
-        """Where its samples lie."""
+        """Location of its samples."""
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Go on with another sample of the file, as if all before it had been read.
+        """Continue at another sample of the file.
 
-        `place`: counted from 0 over all segments; at the end of the file there is nothing left.
+        `place`: counted from 0 over all segments; at the end of the file nothing is left.
         """
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
@@ -166,22 +165,22 @@ class RecordingSource:
 
     @property
     def dated_by_file(self) -> bool:
-        """Whether nothing but the file's date tells when it begins."""
+        """Whether the start is known from the file's date only."""
         return self._layout.start_from == FILE_DATE
 
     @property
     def origin(self) -> str:
-        """What rate, frequency and start were taken from; empty when all was told."""
+        """Origin of rate, frequency and start; empty if all were given."""
         layout = self._layout
-        told = (
+        origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
             (f"{layout.sample_rate_hz:.0f} samples a second", layout.rate_from),
             (f"begun {iso_utc(self.start_time_ns)}", layout.start_from),
         )
-        return "; ".join(f"{what} by {who}" for what, who in told if who != SAID)
+        return "; ".join(f"{what} by {who}" for what, who in origins if who != SAID)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`. A file never makes one wait."""
+        """Get the next block; see `SampleSource.read`. It never waits."""
         del timeout_s
         if self._done == self._segment.count:
             self._next_segment()
@@ -238,7 +237,7 @@ class RecordingSource:
 
 
 def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Report that a file's name tells something, how exactly, and on whose clock."""
+    """Describe what a file's name contains, its resolution, and its clock."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -249,7 +248,7 @@ def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> 
 
 
 def cannot_read(path: Path, error: OSError) -> FormatError:
-    """Name what keeps a file from being read."""
+    """Make the error for a file that cannot be read."""
     remedy = (
         "Check the path" if isinstance(error, FileNotFoundError) else "Check its permissions"
     )
@@ -257,10 +256,7 @@ def cannot_read(path: Path, error: OSError) -> FormatError:
 
 
 def file_size(path: Path) -> int:
-    """Size of a regular file [bytes].
-
-    Raises `FormatError`: no such file, or not a file.
-    """
+    """Size of a regular file [bytes]; raises `FormatError` for anything else."""
     try:
         if path.is_dir():
             raise FormatError(f"{path} is a directory", remedy="Name a recording in it")
@@ -271,7 +267,7 @@ def file_size(path: Path) -> int:
 
 
 def file_start_ns(path: Path, samples: int, sample_rate_hz: float) -> int:
-    """Guess when a recording began: its last change, less its duration [ns, UTC]."""
+    """Estimate a recording's start by the file's last change, less its duration [ns, UTC]."""
     return path.stat().st_mtime_ns - NominalTimes(0, sample_rate_hz).time_ns(samples)
 
 
@@ -288,13 +284,9 @@ def raw_layout(
 ) -> Layout:
     """Describe a file that holds nothing but samples.
 
-    `path`: the file.
-    `sample_format`: how the samples are stored.
-    `sample_rate_hz`, `center_frequency_hz`: the file does not hold them.
     `start_time_ns`: time of the first sample; None: the file's last change less its duration.
-    `frequency_from`, `rate_from`, `start_from`: who says these, in words.
-    Raises `FormatError`: the file cannot be read, holds floats where integers were
-    declared, or a rate is not possible.
+    `frequency_from`, `rate_from`, `start_from`: their origins, in words. Raises `FormatError`
+    if it is unreadable, holds floats instead of integers, or the rate is impossible.
     """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
@@ -324,7 +316,7 @@ def raw_layout(
 def _refuse_floats(path: Path, sample_format: SampleFormat) -> None:
     try:
         with path.open("rb") as file:
-            # Enough to tell, and not a noticeable time.
+            # Enough to decide, in no noticeable time.
             start = file.read(1 << 16)
     except OSError as error:
         raise cannot_read(path, error) from error

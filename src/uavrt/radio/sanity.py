@@ -1,4 +1,4 @@
-"""Can these be samples of a radio? A program may hang, stutter or write something else."""
+"""Detects data that cannot be a radio's samples, as when a program hangs or stutters."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from uavrt.errors import RadioGarbled, RadioStalled
 from uavrt.messages import IQBlock
 
 FULL_SCALE_POWER = 4.0
-"""Mean power of a block that no radio gives: its full scale is 1 in each of I and Q, so 2 is a
-square wave at both stops. Random bytes read as floats give 10⁷⁶."""
+"""Mean power of a block above which it is no signal. Full scale is 1 in I and in Q, so 2 is a
+square wave at both stops; random bytes read as floats give 10⁷⁶."""
 DEAD_S = 1.0
-"""Exact zeros for so long: the receiver's own noise is at least one step of its converter."""
+"""Duration of exact zeros that means a dead radio [s]; noise is at least one converter step."""
 
 
 class SampleCheck:
-    """Looks at every block of the decimated band; one dot product each, 20 µs for 87 ms.
+    """Checks every block of the decimated band: one dot product, 20 µs for 87 ms.
 
-    `name` is what to call the source in errors.
+    `name` of the source, for errors.
     """
 
     def __init__(self, name: str) -> None:
@@ -23,10 +23,9 @@ class SampleCheck:
         self._dead_s = 0.0
 
     def look(self, block: IQBlock) -> None:
-        """Check a block, before it goes to the detectors.
+        """Check a block.
 
-        Raises `RadioGarbled`: these cannot be samples.
-        Raises `RadioStalled`: only zeros come.
+        Raises `RadioGarbled` if these cannot be samples, `RadioStalled` if only zeros come.
         """
         values = block.samples.view(np.float32)
         if values.size == 0:

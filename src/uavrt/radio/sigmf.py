@@ -1,8 +1,8 @@
-"""SigMF recordings: a JSON description beside a file of samples.
+"""SigMF recordings: a JSON description and a file of samples.
 
-Fields as in the SigMF specification 1.2 (core namespace). Metadata are read here with the
-standard library: the ``sigmf`` package reads samples five times slower than ``readv`` and
-brings a JSON-schema validator along.
+Fields as in the SigMF specification 1.2 (core namespace). The standard library reads the
+metadata: the ``sigmf`` package reads samples five times slower than ``readv`` and needs a
+JSON-schema validator.
 """
 
 import sys
@@ -33,13 +33,11 @@ from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording, gaps between its captures included.
+    """Describe a SigMF recording, with the gaps between its captures.
 
     `path`: the ``.sigmf-meta`` file, the ``.sigmf-data`` file, or their common name.
-    `center_frequency_hz`: in place of what the recording says.
-    `start_time_ns`: time of the first sample, in place of what the recording says.
-    Raises `FormatError`: not SigMF, or SigMF of a kind that cannot be used; the text says
-    which.
+    `center_frequency_hz`, `start_time_ns` [ns, UTC]: replace those of the recording. Raises
+    `FormatError`, with the reason, if it is not SigMF or of an unusable kind.
     """
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
@@ -94,18 +92,15 @@ def sigmf_layout(
 
 
 def sigmf_global(path: Path, key: str) -> object:
-    """One entry of a recording's global part, None when it has none.
-
-    Raises `FormatError`: not SigMF.
-    """
+    """One entry of a recording's global part, or None; raises `FormatError`."""
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
 
 
 MOST_GAP_S = 30 * 86_400.0
-"""Between two captures of one recording: more is a wrong index or time, and no gap."""
+"""Longest gap between captures [s]; more means a wrong index or time."""
 LAST_NS = 2**62
-"""In the year 2116: what comes after it is no time of a recording [ns since 1970]."""
+"""Latest time accepted, in 2116 [ns since 1970]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +115,7 @@ class _Capture:
 def _segments(
     captures: list[_Capture], total: int, rate_hz: float, start_time_ns: int | None
 ) -> list[Segment]:
-    """Lay the captures on one time line; between them samples may be missing."""
+    """Put the captures on one time line, with gaps between them."""
     segments: list[Segment] = []
     base_ns = start_time_ns if start_time_ns is not None else captures[0].time_ns or 0
     moved_ns = base_ns - (captures[0].time_ns if captures[0].time_ns is not None else base_ns)
@@ -154,7 +149,7 @@ def _segments(
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
     """Samples missing between two captures: by their global indices, else by their times.
 
-    An index that is smaller than before is one of a radio that was opened again.
+    A smaller index than before means that the radio was opened again.
     """
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:
@@ -181,7 +176,7 @@ def _captures(
         try:
             time_ns = None if time_text is None else parse_iso_utc(_ns_text(time_text))
             if not 0 <= (time_ns or 0) < LAST_NS:
-                raise ValueError("not in our time")
+                raise ValueError("it is before 1970 or after 2116")
         except (ValueError, TypeError, OverflowError) as error:
             raise _fault(path, f"has core:datetime {time_text!r}", "Use ISO 8601") from error
         frequency_hz = _number(item, "core:frequency", path)

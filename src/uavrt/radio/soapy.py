@@ -1,7 +1,7 @@
 """Any radio with a SoapySDR driver, where SoapySDR's Python module is installed.
 
 The module comes from the system (Debian ``python3-soapysdr``) or from the maker of the driver,
-never from PyPI, so it is imported only when asked for.
+not from PyPI, so it is imported on demand.
 """
 
 import importlib
@@ -27,11 +27,11 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Times of drivers are rounded to their own ticks; a gap is longer."""
+"""Rounding of drivers' times, which is no gap [s]."""
 _SAME: Final = 1e-4
-"""Share by which a device's sample rate may differ from the one asked for: its divider."""
+"""Share by which a device's divider may change the requested sample rate."""
 _SAME_HZ: Final = 1000.0
-"""Difference of frequencies by which a device may round."""
+"""Rounding of frequencies by a device [Hz]."""
 
 log = get_logger()
 
@@ -40,11 +40,8 @@ class SoapySource(LiveSource):
     """Samples by SoapySDR.
 
     `settings`: `serial` may be a whole SoapySDR device string (``driver=lime``) or a serial
-    number.
-    `center_frequency_hz`: where to tune it.
-    `clock`: where arrival times come from.
-    Raises `RadioMissing`: no SoapySDR module, or no such device.
-    Raises `RadioStopped`: the device does not take the sample rate or the frequency.
+    number. Raises `RadioMissing` without a SoapySDR module or the device, `RadioStopped` if the
+    device refuses the sample rate or frequency.
     """
 
     RATE_REMEDY = RADIO_RATE_REMEDY
@@ -69,7 +66,7 @@ class SoapySource(LiveSource):
         self.overflows = 0
         self._clock = Clock.start() if clock is None else clock
         self._device_ns: int | None = None
-        """When the next sample is due, by the radio's own clock."""
+        """Expected time of the next sample by the radio's own clock [ns]."""
         self._stall_s = stall_s
         self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
         self._filled = self._given = 0
@@ -85,7 +82,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Set the device, and check what it took: drivers choose the nearest that they have."""
+        """Set the device, and check the values it chose: drivers take the nearest."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:
@@ -98,7 +95,7 @@ class SoapySource(LiveSource):
             device.setGainMode(_RX, 0, False)  # automatic gain would follow the pulses
         if settings.gain is not None:
             device.setGain(_RX, 0, float(settings.gain))
-        # Also to switch it off: it stays on from an earlier flight.
+        # Set in any case: it stays on from an earlier flight.
         if settings.bias_tee or "biastee" in [one.key for one in device.getSettingInfo()]:
             device.writeSetting("biastee", "true" if settings.bias_tee else "false")
 
@@ -106,7 +103,7 @@ class SoapySource(LiveSource):
         return exit_error(self._settings, 0, "failed", words, own_rates=self._own_rates)
 
     def _own_rates(self) -> str:
-        """List the rates that the device takes."""
+        """List the rates that the device supports."""
         ranges = self._device.getSampleRateRange(_RX, 0)
         return " or ".join(
             f"{one.minimum():.0f}"
@@ -148,7 +145,7 @@ class SoapySource(LiveSource):
             self._last_s = monotonic_s()
             self._placer.arrived(self._filled, self._clock.now_ns())
         elif result.ret == _OVERFLOW:
-            # How many are missing its times or the arrivals will show; drivers do not say it.
+            # Its times or the arrivals will show how many are missing; drivers do not.
             self.overflows += 1
             self._placer.expect_losses()
             log.seldom(self.overflows, "radio overflow")
@@ -156,7 +153,7 @@ class SoapySource(LiveSource):
             raise self._error(f"the stream failed with error {result.ret}")
 
     def _look_for_gap(self, result: Any) -> None:
-        """Compare the radio's own time of these samples with that of those before, if told."""
+        """Compare the radio's own time of these samples with that expected, if it has one."""
         time_ns = int(getattr(result, "timeNs", 0))
         if not int(getattr(result, "flags", 0)) & _HAS_TIME:
             self._device_ns = None
@@ -164,7 +161,7 @@ class SoapySource(LiveSource):
         if self._device_ns is not None:
             ahead = round((time_ns - self._device_ns) * 1e-9 * self._rate_hz)
             if ahead > max(_ROUNDING_S * self._rate_hz, 2):
-                self._placer.tell_lost(ahead, self._filled)
+                self._placer.add_lost(ahead, self._filled)
         self._device_ns = time_ns + ns_from_s(result.ret / self._rate_hz)
 
     def _block(self) -> IQBlock:

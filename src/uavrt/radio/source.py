@@ -1,7 +1,6 @@
-"""The one interface of everything that gives samples.
+"""The interface of every source of samples: real, replayed or simulated.
 
-Real, replayed and simulated sources implement `SampleSource`; nothing downstream can tell them
-apart.
+Downstream code does not depend on which it is.
 """
 
 from typing import Protocol
@@ -30,14 +29,12 @@ class SampleSource(Protocol):
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block, or None when none came within `timeout_s`.
 
-        The block's samples stay valid until the next call.
-
-        Raises `EOFError`: the recording has ended, in good order.
-        Raises `RadioError`: the radio failed; the caller restarts it.
-        Raises `FormatError`: the data are not what they were said to be.
+        The block's samples stay valid until the next call. Raises `EOFError` at the end of a
+        recording, `RadioError` if the radio failed and must be reopened, `FormatError` for data
+        of another format.
         """
         ...
 
     def close(self) -> None:
-        """Stop the radio's program or close the file; harmless when repeated."""
+        """Stop the radio's program or close the file; can be repeated."""
         ...

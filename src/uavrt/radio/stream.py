@@ -1,9 +1,9 @@
 """Samples from a pipe, as a radio's program writes them.
 
-Measured on the reference machine: one reader with ``readv`` into a
-preallocated block of 87 ms and a pipe of 1 MiB costs 0.5 % of a core at 24 MB/s; every other
-way (Python bytes, threads, asyncio) costs up to three times that. A pipe of 1 MiB also gives
-44 ms of slack instead of 2.7 ms before the radio's program has to wait.
+Measured on the reference machine: ``readv`` into a preallocated block of 87 ms from a pipe of 1
+MiB costs 0.5 % of a core at 24 MB/s; Python bytes, threads or asyncio cost up to three times
+that. A pipe of 1 MiB gives 44 ms of slack instead of 2.7 ms before the radio's program has to
+wait.
 """
 
 import errno
@@ -22,10 +22,10 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Block length, about; longer adds latency, shorter adds wake-ups."""
+"""Approximate block length [s]; longer adds latency, shorter adds wake-ups."""
 _WRITE: Final = 16384
-"""Radio programs write whole multiples of this many samples (airspy_rx 65 536); a block that is
-one too, 262 144 at 3 MS/s, does not wait for a write of which it needs only the beginning."""
+"""Radio programs write multiples of this many samples (airspy_rx 65 536). A block that is a
+multiple, too, needs no extra write: 262 144 at 3 MS/s."""
 PIPE_BYTES: Final = 1 << 20
 """Largest pipe that Linux gives without privilege (/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
@@ -42,15 +42,9 @@ def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
 class StreamSource(LiveSource):
     """Samples from a file descriptor, live: stdin, a pipe, a socket.
 
-    `descriptor`: where to read. Not closed by `close`.
-    `sample_format`: how the samples are stored.
-    `sample_rate_hz`, `center_frequency_hz`: what the writer was set to.
-    `clock`: where arrival times come from.
-    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone.
-    `block_s`: length of a block [s].
-    `name`: what to call it in errors.
-    Raises `FormatError`: a rate that is not possible.
+    `descriptor`: not closed by `close`. `start_time_ns`: time of the first sample [ns, UTC];
+    then times follow from the nominal rate alone. `block_s`: length of a block [s]. `name`: for
+    errors. Raises `FormatError`: an impossible rate.
     """
 
     MAY_BE_SLOW = True
@@ -71,7 +65,7 @@ class StreamSource(LiveSource):
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns)
         self.name = name
         self.invalid_values = 0
-        """NaN and infinite values that were replaced by zero."""
+        """Non-finite values that were replaced by zero."""
         self.trailing_bytes = 0
         """Bytes of an incomplete sample at the end of the stream."""
         self._descriptor = descriptor
@@ -90,10 +84,7 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; see `SampleSource.read`.
-
-        It is shorter when something came so late that a gap may lie before it.
-        """
+        """Get the next block, cut where a gap may lie before a late arrival."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._forget_given()
         if not self._waiting_since_ns:
@@ -119,19 +110,19 @@ class StreamSource(LiveSource):
         return self._block()
 
     def _make_room(self, samples: int) -> None:
-        """Have room for so many samples; keeps none."""
+        """Make room for this many samples, discarding those held."""
         self._samples, self._raw = self._format.buffers(samples)
         self._bytes = self._raw.data
 
     def _forget_given(self) -> None:
-        """Move what is left of the samples to the front."""
+        """Move the remaining samples to the front."""
         if self._given:
             self._raw[: self._filled - self._given] = self._raw[self._given : self._filled]
             self._filled -= self._given
             self._given = 0
 
     def _wants_more(self) -> bool:
-        """Whether to read on: the block is not full, or it is in question where it belongs."""
+        """Whether to read on: the block is not full, or its place is in question."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
         if self._placer.settle() or self._placer.to_give_first:
@@ -147,13 +138,13 @@ class StreamSource(LiveSource):
     def _take_in(self, count: int) -> None:
         """Note that bytes have arrived.
 
-        What waits in the pipe has arrived too; without it a slow reader would look like a late
-        radio. A full pipe says nothing: the writer is waiting for us.
+        Bytes waiting in the pipe count as arrived, so that a slow reader does not look like a
+        late radio. A full pipe shows nothing: the writer is waiting for us.
         """
         size = self._format.bytes_per_sample
-        told = self._told_lost()
-        if told:
-            self._placer.tell_lost(told)
+        lost = self._reported_lost()
+        if lost:
+            self._placer.add_lost(lost)
         self._filled += count
         waiting = _waiting_bytes(self._descriptor)
         nearly = self._pipe_bytes - min(PIPE_BYTES // 8, self._pipe_bytes // 2)
@@ -161,23 +152,23 @@ class StreamSource(LiveSource):
         self._placer.arrived((self._filled + waiting) // size, self._clock.now_ns(), full=full)
 
     def close(self) -> None:
-        """Forget the descriptor; who opened it closes it."""
+        """Drop the descriptor; its opener closes it."""
         self._ended = True
         self._filled = self._given = 0
 
     def _wait(self, timeout_s: float | None) -> bool:
-        """Wait for bytes or the end; a hook for those who have more to watch."""
+        """Wait for bytes or the end; a hook for subclasses that watch more."""
         if timeout_s is None:
-            # Blocking read; a descriptor that is set not to block is waited for here.
+            # Blocking read; also waits for a non-blocking descriptor.
             return bool(self._poll.poll()) if not os.get_blocking(self._descriptor) else True
         return bool(self._poll.poll(timeout_s * 1000.0))
 
-    def _told_lost(self) -> int:
-        """Samples that the writer itself says it has lost; a hook."""
+    def _reported_lost(self) -> int:
+        """Lost samples that the writer itself reports; a hook."""
         return 0
 
     def _check_end(self) -> None:
-        """Raise what the end of the stream means, when nothing is left to give."""
+        """Raise the error for the end of the stream, once all samples are given."""
         whole = self._filled // self._format.bytes_per_sample
         if whole > 0:
             return
@@ -192,7 +183,7 @@ class StreamSource(LiveSource):
         raise EOFError(f"{self.name} has ended")
 
     def _block(self) -> IQBlock:
-        """Make a block of the bytes at hand, or of those that end before a gap."""
+        """Make a block of the bytes here, or of those before a gap."""
         size = self._format.bytes_per_sample
         count = self._filled // size
         first = self._placer.to_give_first
@@ -202,7 +193,7 @@ class StreamSource(LiveSource):
         if not self._format.in_place:
             self._format.convert(self._raw[: count * size], samples)
         if self._format.dtype.kind == "f" and self._placer.index == 0:
-            # Is it float at all? Checking every block would cost 0.2 % of a core; a lone NaN
+            # Check once that it is float: every block would cost 0.2 % of a core; a lone NaN
             # later passes through the (finite) filters and is stopped before the detectors.
             self.invalid_values += clean(samples, self.name)
         self._given = count * size
@@ -210,7 +201,7 @@ class StreamSource(LiveSource):
 
 
 def _enlarge_pipe(descriptor: int) -> int:
-    """Make a pipe as large as allowed; return its size, 0 for what is not a pipe."""
+    """Make a pipe as large as allowed; return its size, 0 if it is none."""
     import fcntl  # here: recordings are read where there is none
 
     try:

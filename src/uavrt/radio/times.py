@@ -3,8 +3,8 @@
 A radio has its own crystal (an RTL dongle is up to 50 ppm off: 180 ms in an hour), and what
 reaches us has been delayed by USB, the radio's program, the pipe and the scheduler, by a few
 milliseconds most of the time and by hundreds now and then. But nothing arrives *before* it was
-sampled. So the earliest arrivals tell the truth and the late ones nothing: the line through the
-lower envelope of (arrival time - index / rate) is the radio's clock.
+sampled. So only the earliest arrivals count: the line through the lower envelope of
+(arrival time - index / rate) is the radio's clock.
 
 ::
 
@@ -28,34 +28,34 @@ from uavrt.radio.losses import SLOWEST_RATE, Loss, LossFinder
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _BIN_S = 0.5
-"""One lowest arrival is kept for each stretch of this length."""
+"""Length of stretches of which the lowest arrival is kept [s]."""
 _BINS = 600
-"""Bins remembered: 5 min, over which a crystal's rate is constant to well under 1 ppm."""
+"""Number of bins kept: 5 min, over which a crystal's rate is constant to well under 1 ppm."""
 _FIT_BINS = 8
-"""Fewer say nothing of the slope."""
+"""Least number of bins for a slope."""
 _MEASURED_AFTER_S = 30.0
-"""Before this the envelope's slope is mostly jitter, and the nominal rate is reported."""
+"""Time before which the nominal rate is reported [s]: the slope is mostly jitter."""
 _MAX_RATE_ERROR = 500e-6
-"""No crystal is faster than that; more means a wrong nominal rate."""
+"""Largest rate error of a crystal; more means a wrong nominal rate."""
 _PRIOR_RATE_ERROR = 30e-6
-"""One standard deviation of crystals in these radios (Airspy 0.5, HackRF 20, RTL 50 ppm)."""
+"""Standard deviation of crystals in these radios (Airspy 0.5, HackRF 20, RTL 50 ppm)."""
 _FAST_SLEW = 1000e-6
 _SLEW = 200e-6
 """Fastest correction of the time, so that an interval of 1.25 s stays right to 0.25 ms."""
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
-"""Within this a writer that had to wait for us has caught up, or it is a replay."""
+"""Time in which a writer that had to wait for us catches up [s]; later it is a replay."""
 _NOT_LIVE_S = 0.5
-"""Arrivals so much before their time show that the stream is replayed, not sampled now."""
+"""Earliness of arrivals that shows a replayed stream [s]."""
 _CREDIT_S = 3.0
-"""A program tells of a loss at the latest so long after the arrivals have shown it."""
+"""Longest delay of a program's report of a loss after the arrivals have shown it [s]."""
 _UNCLEAN_S = 1.0
-"""So long after a loss nothing is learnt about the envelope's slope."""
+"""Time after a loss in which the envelope's slope is not updated [s]."""
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Times that are too late by more than the first are brought back within the second, until the
-third after a loss: it was none, or smaller."""
+"""Lateness of times, time to correct it, and time after a loss in which that applies [s]. Then
+the loss was none, or smaller."""
 
 
 class NominalTimes:
@@ -76,31 +76,31 @@ class NominalTimes:
 
 
 class TimeKeeper:
-    """The time of each sample of a live radio, from when the samples arrived.
+    """The time of each sample of a live radio, by the arrival of samples.
 
-    The first arrival stamps the start (see `arrived` for writers who were early). From then on
-    the time of a sample follows the envelope by slewing, at most 0.2 ms a second (1 ms in the
-    first 10 s): it never jumps, except over a gap of which `lost_samples` tells.
+    The first arrival dates the start (see `arrived` for early writers). Then times follow the
+    envelope by slewing, at most 0.2 ms a second (1 ms in the first 10 s): they never jump,
+    except over a gap by `lost_samples`.
 
-    `sample_rate_hz`: nominal rate.
-    `may_be_slow`: the writer may be slower than real time; a radio never is.
+    `sample_rate_hz`: nominal rate. `may_be_slow`: the writer may be slower than real time; a
+    radio never is.
     """
 
     def __init__(self, sample_rate_hz: float, *, may_be_slow: bool = False) -> None:
         self._nominal_hz = sample_rate_hz
         self._follow = True
         self.unseen: str | None = None
-        """Why arrivals are no longer used for times and losses; None: they are used."""
+        """Why arrivals are no longer used for times and losses; None if they are."""
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
         # Rows of nominal seconds and delay, in room taken at the beginning.
         self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
-        """Found, and not yet told by `lost_samples`."""
+        """Losses found, and not yet returned by `lost_samples` [s]."""
         self._unsure_s = 0.0
         self.unsure_samples = 0
-        """Of those told as lost, so many may as well be a crystal far off its rate."""
+        """Samples returned as lost that a crystal far off its rate would explain as well."""
         self.inside = 0
         """Length of the first late transfer [samples] if the last loss lies in it, else 0."""
         self._loss_at_s = -math.inf
@@ -136,13 +136,12 @@ class TimeKeeper:
         return self._nominal_hz * (1.0 + self.rate_error)
 
     def arrived(self, end_index: int, now_ns: int, *, catching_up: bool = False) -> None:
-        """Learn that all samples before `end_index` had arrived at `now_ns`.
+        """Note that all samples before `end_index` had arrived at `now_ns`.
 
-        `end_index`: index after the newest sample, lost ones counted.
-        `now_ns`: time [ns, UTC].
-        `catching_up`: they came faster than a radio samples: the writer had been waiting for
-        us. If that is so in the first 2 s, the start is stamped again, once, when the writer is
-        level.
+        `end_index`: index after the newest sample, lost ones counted. `now_ns`: time [ns, UTC].
+        `catching_up`: they came faster than a radio samples, because the writer had been
+        waiting for us. If that is so in the first 2 s, the start is dated again, once, when the
+        writer is level.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)
@@ -153,7 +152,7 @@ class TimeKeeper:
         nominal_s = end_index / self._nominal_hz + self._lost_s
         delay_s = (now_ns - self._start_ns) / NANOSECONDS_PER_SECOND - nominal_s
         if catching_up and not self._kept_pace and nominal_s < _SETTLE_S:
-            # The very first arrival was held up: what came meanwhile follows at once.
+            # The first arrival was held up: the following samples come at once.
             self._settled = False
         self._kept_pace = self._kept_pace or not catching_up
         if not self._settled:
@@ -163,7 +162,7 @@ class TimeKeeper:
             if not catching_up:
                 self._offset_s = self._correction_s = min(delay_s, 0.0)
         elif not self._asked and delay_s < self._offset_s:
-            # No time has been given yet: the start is still free.
+            # No time has been given yet: the start can still move.
             self._offset_s = self._correction_s = delay_s
         if delay_s < self._model_s(nominal_s) - _NOT_LIVE_S:
             self._forget("the samples came faster than a radio takes them, as from a recording")
@@ -192,12 +191,12 @@ class TimeKeeper:
 
     @property
     def asking(self) -> bool:
-        """Whether the next few arrivals will tell if samples were lost."""
+        """Whether the next few arrivals will show if samples were lost."""
         return self._follow and self._finder.asking
 
     @property
     def may_ask(self) -> bool:
-        """Whether the newest arrivals are late, and too few yet to ask."""
+        """Whether the newest arrivals are late, and too few to ask yet."""
         return self._follow and self._finder.may_ask
 
     @property
@@ -206,11 +205,11 @@ class TimeKeeper:
         return round((self._finder.question_s or 0.0) * self._nominal_hz)
 
     def expect_losses(self) -> None:
-        """Learn that the radio reports losses, without their number."""
+        """Note that the radio reports losses, without their number."""
         self._finder.expect(self._given_s)
 
     def _lose(self, loss: Loss, nominal_s: float) -> None:
-        """Note a loss: what has been learnt since it began was not the envelope."""
+        """Note a loss, and drop what was taken for the envelope since it began."""
         self._lost_s += loss.duration_s
         if not loss.sure:
             self._unsure_s += loss.duration_s
@@ -229,7 +228,7 @@ class TimeKeeper:
         self._loss_at_s = nominal_s + loss.duration_s
 
     def _keep(self, bin_: tuple[float, float]) -> None:
-        """Remember a bin; forget the oldest when there is no room."""
+        """Add a bin; drop the oldest when there is no room."""
         if bin_[0] < self._loss_at_s + _UNCLEAN_S:
             return
         if self._bin_count == _BINS:
@@ -239,7 +238,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Return how many samples must have been lost, judging by arrivals; then forget them.
+        """Return the number of samples lost by the arrivals, and reset it.
 
         The caller adds the number to its index, and shows it as a gap.
         """
@@ -251,10 +250,9 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Leave out samples that are known to be lost.
+        """Skip samples known to be lost; return how many the arrivals have not shown yet.
 
-        Returns: how many of them the arrivals have not shown already: the caller's index skips
-        these.
+        The caller's index skips these.
         """
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _CREDIT_S:
@@ -268,10 +266,7 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC]; to be asked in rising order of `index`.
-
-        Raises `ValueError`: nothing has arrived yet.
-        """
+        """Time of a sample [ns, UTC], for rising `index`; raises `ValueError` at first."""
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True
@@ -311,7 +306,7 @@ class TimeKeeper:
     def _fit(self) -> None:
         """Fit the lower envelope: least squares in which a late point loses its weight.
 
-        The slope has the prior of real crystals, so the fit is sane from the second bin on.
+        The slope has the prior of real crystals, so the fit is usable from the second bin on.
         """
         if self._fit_in > 0:
             self._fit_in -= 1
@@ -345,7 +340,7 @@ class TimeKeeper:
 
 
 def _duration_ns(samples: int, rate_hz: float) -> int:
-    """Duration of so many samples at a rate, exact where the rate is a whole number [ns]."""
+    """Duration of samples at a rate, exact where the rate is a whole number [ns]."""
     if rate_hz == int(rate_hz):
         rate = int(rate_hz)
         return (samples * NANOSECONDS_PER_SECOND + rate // 2) // rate

@@ -7,7 +7,7 @@ from typing import Any, Final
 from uavrt.errors import ConfigError, RadioError
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
-"""Asked of the system for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
+"""Buffer requested for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
 system gives at most /proc/sys/net/core/rmem_max."""
 
 _OTHER_PORT: Final = "End the other program that listens there, or choose another port"
@@ -19,14 +19,14 @@ _PREFIX: Final = "udp://"
 
 
 def is_udp_address(text: str) -> bool:
-    """Return whether a text is meant as ``udp://HOST:PORT``."""
+    """Whether a text has the form ``udp://HOST:PORT``."""
     return text.startswith(_PREFIX)
 
 
 def parse_udp_address(text: str) -> tuple[str, int]:
     """Split ``udp://HOST:PORT`` or ``HOST:PORT``; an IPv6 address stands in brackets.
 
-    Raises `ConfigError`: not such an address.
+    Raises `ConfigError` for other texts.
     """
     host, colon, port = text.removeprefix(_PREFIX).rstrip("/").rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
@@ -38,12 +38,11 @@ def parse_udp_address(text: str) -> tuple[str, int]:
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Open sockets for every address that a name has.
+    """Open sockets for every address of a name.
 
-    ``localhost`` may be ``::1`` first for the sender (netcat) and 127.0.0.1 for us; a datagram
-    to the other one would vanish. So all of them are listened to.
-
-    Raises `RadioError`: the port is in use, or the address does not belong to this computer.
+    ``localhost`` may be ``::1`` first for the sender (netcat) and 127.0.0.1 for us; datagrams
+    to the other one would be lost. Raises `RadioError` if the port is taken, or the address is
+    another computer's.
     """
     places = set(_places(host, port))
     if host == "localhost":
@@ -86,10 +85,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
 
 
 def send_socket(host: str) -> socket.socket:
-    """Open a socket to send from, with a large buffer, that never blocks.
-
-    Raises `RadioError`: the name is unknown.
-    """
+    """Open a non-blocking sending socket; raises `RadioError` for an unknown name."""
     sock = socket.socket(_places(host, 0)[0][0], socket.SOCK_DGRAM)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
     sock.setblocking(False)

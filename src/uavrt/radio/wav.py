@@ -39,7 +39,7 @@ _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
 """What writers leave in the data chunk's size when they stream or are killed."""
 
 _MOST_READ = 1 << 16
-"""Bytes of a chunk; the longest are those with XML, some thousand."""
+"""Most bytes read of a chunk; the longest are those with XML, some thousand."""
 _MOST_CHUNKS = 1000
 
 
@@ -72,7 +72,7 @@ _FORMATS: dict[tuple[int, int], SampleFormat] = {
 
 @dataclass(slots=True)
 class _Header:
-    """What the chunks before the samples say."""
+    """Values of the chunks before the samples."""
 
     kind: int = 0
     channels: int = 0
@@ -90,13 +90,10 @@ def wav_layout(
 ) -> Layout:
     """Describe a two-channel WAV file.
 
-    `path`: the file.
-    `center_frequency_hz`: radio frequency; None: from the ``auxi`` chunk, else from the file's
-    name.
+    `center_frequency_hz`: None: from the ``auxi`` chunk, else from the file's name.
     `start_time_ns`: time of the first sample; None: from the ``auxi`` chunk, else from the
-    file's name, else from its age.
-    Raises `FormatError`: not WAV, not two channels, an encoding that cannot be used, or no
-    radio frequency.
+    file's name, else from its age. Raises `FormatError` for another format or encoding, or
+    without a radio frequency.
     """
     size = file_size(path)
     try:
@@ -192,11 +189,11 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Get the size of the samples: the header's, if the file's structure confirms it.
+    """Size of the samples: the header's, if the file's structure confirms it.
 
-    Programs that know no RF64 let the size overflow at 4 GiB, and some write it at the start
-    only: after the samples the file must end, or other chunks must follow to its end. With no
-    such place the samples reach to the end of the file.
+    Programs without RF64 let the size overflow at 4 GiB, and some write it at the start only.
+    So after the samples the file must end, or other chunks must follow to its end; else the
+    samples reach to the end of the file.
     """
     if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
         length = header.long_data_size

@@ -1,4 +1,4 @@
 """The flight directory: written so that nothing is lost, readable even when damaged.
 
-The recorder of samples, `uavrt.recording.iq_recorder`, needs NumPy and is not loaded here.
+`uavrt.recording.iq_recorder` needs NumPy and is not loaded here.
 """

@@ -1,4 +1,4 @@
-"""How much the kept channels of all flights may take: a ring, the oldest pieces go first."""
+"""Disk budget of the kept channels of all flights; the oldest pieces are removed first."""
 
 from collections import deque
 from pathlib import Path
@@ -11,26 +11,26 @@ log = get_logger()
 
 
 class ChannelBudget:
-    """The pieces of channels that are on the disk, oldest first.
+    """The pieces of channels on the disk, oldest first.
 
-    Those of starred flights are neither counted nor removed, but for the flight's own.
+    Pieces of other flights that are starred are neither counted nor removed.
 
-    `flight`: the flight that is being recorded; the others lie beside it.
-    `most_bytes`: what all of them may take.
+    `flight`: the flight being recorded, in the folder of all flights. `most_bytes`: budget of
+    all.
     """
 
     def __init__(self, flight: Path, most_bytes: float) -> None:
         self._flight = flight
         self._most_bytes = most_bytes
         self._pieces: deque[tuple[Path, int]] = deque()
-        """Closed ones: the file of samples and its size."""
+        """Closed pieces: the file of samples and its size."""
         self.bytes = 0
-        """What they take, with those that are being written."""
+        """Size of all pieces, with those being written."""
         self.removed_pieces = 0
         self.removed_bytes = 0
 
     def look(self) -> None:
-        """Find what earlier flights, and this one before a restart, have left."""
+        """Find the pieces of earlier flights, and of this one before a restart."""
         found = sorted(self._found())
         self._pieces = deque((path, size) for _, _, path, size in found)
         self.bytes = sum(size for *_, size in found)
@@ -53,14 +53,11 @@ class ChannelBudget:
         return found
 
     def closed(self, path: Path, size: int) -> None:
-        """Count a piece as one that may go; its bytes have been counted as they came."""
+        """Mark a piece as removable; its bytes are counted already."""
         self._pieces.append((path, size))
 
     def make_room(self, more: int) -> bool:
-        """Remove the oldest pieces until there is room for `more` bytes, and count it as taken.
-
-        False if there is none.
-        """
+        """Remove the oldest pieces until `more` bytes fit, and count them; False if none do."""
         while self.bytes + more > self._most_bytes and self._pieces:
             self._remove(*self._pieces.popleft())
         if self.bytes + more > self._most_bytes:
@@ -69,7 +66,7 @@ class ChannelBudget:
         return True
 
     def give_back(self, unused: int) -> None:
-        """Take back room that was not used."""
+        """Return room that was not used."""
         self.bytes -= unused
 
     def _remove(self, path: Path, size: int) -> None:
@@ -78,7 +75,7 @@ class ChannelBudget:
         if flight != self._flight and FlightLayout(flight).star.exists():
             return  # starred since
         try:
-            # In this order: what describes nothing is not found again, samples are.
+            # Metadata first: without it, samples are found again and removed.
             path.with_suffix(".sigmf-meta").unlink(missing_ok=True)
             path.unlink(missing_ok=True)
         except OSError as error:

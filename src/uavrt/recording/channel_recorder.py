@@ -1,16 +1,15 @@
-"""Keeps the channels of the tags as SigMF, and always gives way: to detection and to the disk.
+"""Keeps the channels of the tags as SigMF; detection and other recording go first.
 
-The caller hands over blocks and goes on at once. A thread of its own gathers them for some
-seconds and writes each channel to a file of its own, cut into pieces so that the oldest can be
-removed (`uavrt.recording.channel_budget`). What a slow or full disk costs is dropped, counted
-and marked as a gap.
+`put` only queues blocks. A thread writes each channel to files of its own, in pieces so that
+the oldest can be removed (`uavrt.recording.channel_budget`). Samples that a slow or full disk
+cannot take are dropped, counted and marked as a gap.
 
-Values are scaled for each piece by its own noise. It stands at 3 steps of 8 bits or a little
-more: rounding adds .02 to .04 dB to it, and there are 26 dB above it, 48 dB in the energy of a
-pulse of 20 ms. A stronger signal begins a new piece of 16 bits, with 20 to 40 steps for the
-noise (.001 dB) and 58 dB above it, or a wider scale where that is not enough: nothing is ever
-clipped, and as long as its amplitude is less than 73 dB above the noise's, rounding adds less
-than .05 dB. Noise that falls begins a new piece of 8 bits before it is down to 2 steps.
+Each piece has a scale by its own noise: at least 3 steps of 8 bits, which adds .02 to .04 dB
+and leaves 26 dB above it, 48 dB in the energy of a pulse of 20 ms. A stronger signal begins a
+new piece of 16 bits, with 20 to 40 steps for the noise (.001 dB) and 58 dB above it, or with a
+wider scale: nothing is ever clipped, and rounding adds less than .05 dB while the amplitude is
+less than 73 dB above the noise's. A new piece of 8 bits also begins before falling noise
+reaches 2 steps.
 """
 
 import math
@@ -35,30 +34,29 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 log = get_logger()
 
 FLUSH_S = 2.0
-"""So often what came is written: what a kill or a power cut may cost."""
+"""Time between two writes [s]; at most this is lost by a kill or a power cut."""
 MOST_WAITING_BYTES = 16 * 1024 * 1024
-"""Samples that may wait for the disk: 280 s of one channel, 2.8 s of a hundred."""
+"""Most samples waiting for the disk: 280 s of one channel, 2.8 s of a hundred."""
 SLOW_S, REST_S = 1.0, 10.0
-"""A disk that takes longer over what came is left to the others for a while."""
+"""Duration of a write above which the disk is left to other processes for a while [s]."""
 PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
 PIECES_OF_BUDGET = 8
-"""At least so many pieces of each channel in the budget."""
+"""Least number of pieces of each channel in the budget."""
 FREE_SPACE_FACTOR = 1.2
-"""Of the limit for other samples: these stop first, and never make old flights go."""
+"""Free space needed, relative to other samples: these stop first and never remove flights."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Least rms of the noise's I and Q at the beginning of a piece, by its bits, in steps of what
-is stored."""
+"""Least rms of the noise's I and Q at the start of a piece [steps], by its bits."""
 FINER = math.sqrt(0.5)
-"""A piece of 8 bits ends when its noise is this much below that."""
+"""Drop of the noise, relative to that, at which a piece of 8 bits ends."""
 WINDOW = 128
 HEADROOM = 1.25
-"""Of a scale that was widened for a strong signal."""
+"""Margin of a scale that was widened for a strong signal."""
 WIDER_S = 20.0
-"""A piece whose scale was widened for a strong signal is kept for at least so long."""
+"""Least duration of a piece whose scale was widened for a strong signal [s]."""
 TIME_STEP_NS = 500_000
-"""A larger step of the time begins a stretch."""
+"""Step of the time above which a new stretch begins [ns]."""
 GAP_S = 0.05
-"""Zeros in place of lost samples that are not worth keeping."""
+"""Length of zeros in place of lost samples above which they are left out [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +73,12 @@ class _Batch:
 
     @property
     def end_ns(self) -> int:
-        """When what continues it begins."""
+        """Time of the sample after the last [ns]."""
         lasts_s: float = self.samples.shape[1] / self.sample_rate_hz
         return self.time_ns + round(lasts_s * NANOSECONDS_PER_SECOND)
 
     def continued_by(self, later: "_Batch") -> bool:
-        """Whether nothing is missing between them, and the clock has not moved."""
+        """Whether another batch follows without missing samples or a step of the clock."""
         return (
             later.channels == self.channels
             and later.sample_index == self.sample_index + self.samples.shape[1]
@@ -103,10 +101,9 @@ class _Channel:
 class ChannelRecorder:
     """Writes each channel as pieces ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
 
-    `budget_mb`: what the channels of all flights beside it may take.
-    `minimum_free_mb`: nothing is written while the disk has less than `FREE_SPACE_FACTOR` times
-    as much.
-    `hardware`: the radio, for the metadata.
+    `budget_mb`: for the channels of all flights. `minimum_free_mb`: nothing is written while
+    the disk has less than `FREE_SPACE_FACTOR` times as much. `hardware`: the radio, for the
+    metadata.
     """
 
     def __init__(
@@ -127,36 +124,36 @@ class ChannelRecorder:
         self._waiting_bytes = 0
         self._piece_s = PIECE_S
         self._last: _Batch | None = None
-        """What was written last."""
+        """The last batch written."""
         self._rest_until_s = float("-inf")
         self._overflowing = False
         self._condition = threading.Condition()
         self._closing = False
         self.written_samples = 0
         self.dropped_samples = 0
-        """Samples given up because the disk was slow, full or failing."""
+        """Samples dropped because the disk was slow, full or failing."""
         self.invalid_values = 0
-        """Values that were not numbers, kept as zeros."""
+        """Non-finite values, stored as zeros."""
         self.trouble: str | None = None
-        """Why nothing is being kept now; None when all is well."""
+        """Why nothing is kept at present; None when all is well."""
         self._thread = threading.Thread(target=self._run, name="channel-recorder", daemon=True)
         self._thread.start()
 
     @property
     def removed_pieces(self) -> int:
-        """Old pieces that were removed for the budget's sake."""
+        """Number of old pieces removed to keep within the budget."""
         return self._budget.removed_pieces
 
     @property
     def kept_mb(self) -> float:
-        """What the kept channels of all flights take [MB]."""
+        """Size of the kept channels of all flights [MB]."""
         return self._budget.bytes / 1e6
 
     def put(self, blocks: list[ChannelBlock]) -> None:
-        """Hand over the channels of a radio block and go on at once; samples are copied.
+        """Queue a copy of a radio block's channels and return at once.
 
-        Once too many wait it takes nothing until half of them are written, so that a slow disk
-        makes few long gaps instead of many short ones.
+        After an overflow it takes nothing until half of the queue is written: few long gaps
+        instead of many short ones.
         """
         first = blocks[0]
         batch = _Batch(
@@ -182,7 +179,7 @@ class ChannelRecorder:
                 self._condition.notify()
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write what waits, for at most `timeout_s`, and end; harmless when repeated."""
+        """Write what waits, for at most `timeout_s`, and end; can be repeated."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -204,7 +201,7 @@ class ChannelRecorder:
                     self.trouble = "the disk is slow"
                     self._rest_until_s = monotonic_s() + REST_S
         except Exception as error:
-            log.exception("channels are not kept any more")
+            log.exception("channels no longer kept")
             self.trouble = str(error) or type(error).__name__
             with self._condition:
                 self._closing = True
@@ -218,7 +215,7 @@ class ChannelRecorder:
         return self._closing or self._waiting_bytes > MOST_WAITING_BYTES // 4
 
     def _flush(self) -> None:
-        """Write what came."""
+        """Write the waiting batches."""
         with self._condition:
             batches, self._batches = self._batches, []
         for run in _runs(batches):
@@ -229,7 +226,7 @@ class ChannelRecorder:
                 self._waiting_bytes -= samples.nbytes
 
     def _write(self, first: _Batch, samples: NDArray[np.complex64]) -> None:
-        """Write the channels of batches that follow each other."""
+        """Write the channels of consecutive batches."""
         if not self._space.enough():
             self._drop(samples.size, "the disk is nearly full")
             return
@@ -277,7 +274,7 @@ class ChannelRecorder:
             self._drop(left - written, fault)
 
     def _bytes(self, number: int) -> int:
-        """What a sample of a channel takes as long as its piece lasts; 8 bits in a new one."""
+        """Bytes per sample of a channel in its piece; 1 + 1 in a new one."""
         channel = self._channels.get(number)
         if channel is None or channel.file is None:
             return BYTES_PER_SAMPLE // 2
@@ -296,7 +293,7 @@ class ChannelRecorder:
     def _file_for(
         self, channel: _Channel, samples: NDArray[np.complex64], peak: float
     ) -> SampleFile:
-        """Get the piece to write to: a new one when it is time, or the scale does not fit."""
+        """Get the piece to write to: a new one if its time is over or its scale unfit."""
         if channel.file is not None and self._is_over(channel, channel.file, samples, peak):
             self._end_piece(channel)
         if channel.file is None:
@@ -316,7 +313,7 @@ class ChannelRecorder:
     def _is_over(
         self, channel: _Channel, file: SampleFile, samples: NDArray[np.complex64], peak: float
     ) -> bool:
-        """Whether what comes belongs into a new piece."""
+        """Whether the next samples need a new piece."""
         length_s = file.written_samples / channel.sample_rate_hz
         if _needed(peak, file.bits) > file.full_scale or length_s >= self._piece_s:
             return True
@@ -329,12 +326,12 @@ class ChannelRecorder:
         return bits == 8 or (channel.widened and file.full_scale > 4.0 * scale)
 
     def _length_of_pieces(self, rate_hz: float) -> float:
-        """So many seconds that several of each channel fit into the budget."""
+        """Length at which several pieces of each channel fit into the budget [s]."""
         share_s = self._budget_bytes / (rate_hz * BYTES_PER_SAMPLE) / PIECES_OF_BUDGET
         return min(PIECE_S, max(SHORTEST_PIECE_S, share_s))
 
     def _next_name(self, channel: _Channel) -> Path:
-        """A name that comes after all that are there: a restarted receiver goes on."""
+        """Get a name after all existing ones, so that a restarted receiver continues."""
         name = f"channel_{channel.center_frequency_hz:.0f}_Hz_"
         if channel.number == 0:
             there = self._directory.glob(f"{name}*.sigmf-data")
@@ -357,10 +354,10 @@ def _append(
     first: _Batch,
     stretches: list[tuple[int, int]],
 ) -> int:
-    """Write a channel's stretches; how many samples that is."""
+    """Write a channel's stretches; return the number of samples."""
     scaled = samples.view(np.float32) * np.float32(FULL_SCALE[file.bits] / file.full_scale)
     np.rint(scaled, out=scaled)
-    # Its scale holds them all.
+    # The scale fits all runs.
     values: NDArray[np.int16] | NDArray[np.int8] = (
         scaled.astype("i1") if file.bits == 8 else scaled.astype("<i2")
     )
@@ -375,7 +372,7 @@ def _append(
 
 
 def _runs(batches: list[_Batch]) -> list[list[_Batch]]:
-    """Cut batches where samples are missing or the time steps."""
+    """Split batches where samples are missing or the time steps."""
     runs = [[batch] for batch in batches[:1]]
     for before, batch in pairwise(batches):
         if before.continued_by(batch):
@@ -396,27 +393,27 @@ def _without_gaps(samples: NDArray[np.complex64], shortest: int) -> list[tuple[i
 
 
 def _needed(peak: float, bits: int) -> float:
-    """Full scale that just holds an I or Q."""
+    """Smallest full scale that holds the largest I or Q."""
     return peak * FULL_SCALE[bits] / (FULL_SCALE[bits] - 1.0)
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits and full scale of a new piece; whether that is wider than its noise asks for."""
+    """Bits and full scale of a new piece; whether it is wider than its noise asks for."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False
     fitting, needed = _scale_by_noise(samples, 16), _needed(peak, 16)
     if needed <= fitting and fitting > 0.0:
         return 16, fitting, False
-    # A little more: it grows while the antenna turns to it.
+    # With a margin: the signal grows while the antenna turns to it.
     return 16, 2.0 ** math.ceil(math.log2(max(HEADROOM * needed, 2.0**-100))), True
 
 
 def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
-    """Full scale at which the noise has the steps it should have; 0 if there is none.
+    """Full scale at which the noise has its wanted steps; 0 without noise.
 
-    The noise is the median over the middle of the channel's spectrum: neither pulses nor
-    carriers count for it, nor the zeros in place of lost samples.
+    The noise is the median over the middle of the channel's spectrum, which excludes pulses,
+    carriers and the zeros in place of lost samples.
     """
     rows = samples[: len(samples) // WINDOW * WINDOW].reshape(-1, WINDOW)
     rows = rows[rows.all(axis=1)]

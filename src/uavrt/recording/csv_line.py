@@ -1,17 +1,17 @@
-"""Lines of CSV files: read each by itself, written so that a spreadsheet runs none."""
+"""Lines of CSV files: parsed one by one, written so that a spreadsheet runs no formula."""
 
 import csv
 from collections.abc import Iterable
 from typing import Any, TextIO
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
-"""A text that begins so is a formula to a spreadsheet."""
+"""First characters that make a spreadsheet read a text as a formula."""
 
 
 class TableWriter:
-    """Writes rows of a CSV file; names that begin as a formula get an apostrophe before them.
+    """Writes rows of a CSV file; an apostrophe disarms names that begin as a formula.
 
-    `stream`: where to; opened with ``newline=""``.
+    `stream`: opened with ``newline=""``.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -48,10 +48,9 @@ def text_of_cell(cell: str) -> str:
 
 
 def csv_cells(line: str) -> list[str]:
-    """Cells of one line of a CSV file; a quote that is not closed reaches to its end.
+    """Cells of one CSV line; an open quote reaches to its end.
 
-    Raises `ValueError`: it is no such line: a carriage return in it, or a cell above 131 072
-    characters.
+    Raises `ValueError` on a carriage return, or a cell above 131 072 characters.
     """
     try:
         return next(csv.reader([line]), [])

@@ -12,9 +12,8 @@ log = get_logger()
 class DamagedLines:
     """Collects the unreadable lines of one file.
 
-    `remedy`: what to do when it is no such file.
-    `warn`: called with a sentence about the lines passed over; by default the program's log
-    names them.
+    `remedy`: of the error for a file of another kind. `warn`: called with a sentence about the
+    lines skipped; by default the program's log names them.
     """
 
     def __init__(
@@ -28,10 +27,7 @@ class DamagedLines:
         self._faults.append((number, reason))
 
     def judge(self, good: int) -> None:
-        """Tell how many lines were passed over beside the good ones.
-
-        Raises `FormatError`: there are more of them than good ones: the file is another.
-        """
+        """Report the skipped lines; raises `FormatError` if they outnumber the good ones."""
         if not self._faults:
             return
         number, error = self._faults[0]
@@ -54,7 +50,7 @@ class DamagedLines:
 
 
 def passed_over(name: str, lines: int, first: int, error: object) -> str:
-    """Say that a file's damaged lines were left out, and what is wrong with the first."""
+    """Warning that damaged lines were skipped, with what is wrong with the first."""
     reason, remedy = words_of(error)
     count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
     which = f"line {first}" if lines == 1 else f"the first is line {first}"
@@ -64,7 +60,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
 
 
 def words_of(error: object) -> tuple[str, str | None]:
-    """Say what is wrong with a line, and what to do where the error itself knows."""
+    """What is wrong with a line, with the error's own remedy if it has one."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy
     return str(error), None

@@ -1,9 +1,8 @@
 """``detectorConfig.txt``: a tag as the original detector reads it.
 
 A ``##`` line, then ``key:<TAB>value`` lines without a blank one between them (the original
-crashes on that); the last record of a file counts; unknown keys are passed over. It lets the
-original detectors listen to the UDP channels that uavrt gives on request, and says to a person
-what was searched.
+crashes on that); the last record of a file counts; unknown keys are ignored. With it the
+original's detectors can use the UDP channels that uavrt gives on request.
 """
 
 import math
@@ -44,7 +43,7 @@ _BOUNDS = {
     "K": (1, MAX_K, "pulses"),
     "portData": (0, 65_535, "a port"),
 }
-"""Least and greatest number of a key, and of what; tags as in other tag files."""
+"""Limits of each key's number, and its quantity; tags as in other tag files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,10 +56,9 @@ class DetectorConfig:
     data_port: int
     log_path: str = ""
     operating_mode: str = "freqSearchHardLock"
-    """One of the original's four (`uavrt.detection.modes.OperatingMode`); theirs is the
-    default."""
+    """One of the original's four modes (`uavrt.detection.modes.OperatingMode`)."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
-    """Stretches not to search, from and to, relative to the channel's centre."""
+    """Frequencies not to search, from and to, relative to the channel's centre [Hz]."""
 
 
 def detector_config(
@@ -71,7 +69,7 @@ def detector_config(
     ports: Literal["current", "thesis"] = "thesis",
     operating_mode: str = "freqSearchSoftLock",
 ) -> DetectorConfig:
-    """Find the tag's channel of the original's 100 around the radio frequency.
+    """Describe a tag by its channel of the original's 100 around the radio frequency.
 
     A tag beyond them (another radio, no channelizer) has a channel of its own and port 0.
     """
@@ -90,10 +88,7 @@ def detector_config(
 
 
 def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> None:
-    """Write the file; `time_ns` is its time stamp.
-
-    Raises `RecordingError`: the disk is full or cannot be written.
-    """
+    """Write the file, with time stamp `time_ns`; raises `RecordingError` on a disk fault."""
     tag = config.tag
     second = tag.pulse_intervals_s[1:2]
     pairs: list[tuple[str, object]] = [
@@ -137,8 +132,7 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
     """Read the last record of a file, ours or an original's.
 
-    Raises `FormatError`: the file cannot be read, or a needed key is missing, no number or
-    beyond all bounds.
+    Raises `FormatError` if it is unreadable or a needed key is missing or out of bounds.
     """
     name = os.fspath(path)
     try:
@@ -193,10 +187,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
 
 
 def _check(values: dict[str, str]) -> None:
-    """Refuse numbers that no detector can do anything with, by their keys.
-
-    Raises `ValueError`: one of them is.
-    """
+    """Raise `ValueError`, naming the key, on numbers that a detector cannot use."""
     for key, (low, high, unit) in _BOUNDS.items():
         if key in values and not low <= float(values[key]) <= high:
             raise ValueError(
@@ -222,7 +213,7 @@ def _check(values: dict[str, str]) -> None:
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
     """Read MATLAB's ``[lo, hi; lo, hi]``; the original's ``[Inf, -Inf]`` is none.
 
-    Raises `ValueError`: not pairs of numbers, the lower one first.
+    Raises `ValueError` unless these are pairs of numbers, the lower one first.
     """
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):

@@ -1,8 +1,8 @@
-"""A thread for what waits on the disk, so that a disk that stalls never silences a link.
+"""A thread for disk work, so that a stalled disk does not block a link.
 
-Used by the drone's connection process and by the ground station. One thread, one job after the
-other: a file that is closed is not being read any more, and records are written in the order in
-which they came. Results are taken in the loop.
+Used by the drone's connection process and by the ground station. One thread runs one job after
+the other, so records are written in order and no file is closed while it is read. Results
+arrive in the loop.
 """
 
 import asyncio
@@ -25,25 +25,24 @@ FINISH_S, FINISH_TURN_S = 0.5, 0.01
 
 
 class Disk(Protocol):
-    """Does `job` and then, with its result, `then`; False when it takes no more."""
+    """Runs `job` and then, with its result, `then`; False when too many wait."""
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Take a job."""
+        """Queue or run a job."""
 
 
 def at_once(job: Callable[[], T], then: Callable[[T], None]) -> bool:
-    """Do a job where it is given, for programs that have no link to keep alive."""
+    """Run a job inline, for programs without a link to keep alive."""
     then(job())
     return True
 
 
 class DiskThread:
-    """Does jobs beside an asyncio loop; start it in the loop.
+    """Runs jobs for an asyncio loop; start it in the loop.
 
-    The thread is a daemon: a disk that never answers does not keep the process from ending.
+    A daemon thread: a disk that hangs does not keep the process from ending.
 
-    `most`: jobs that may wait.
-    `early`: until the thread is started, do jobs where they are given instead of keeping them.
+    `most`: jobs that may wait. `early`: run jobs inline until the thread is started.
     """
 
     def __init__(self, most: int = MOST_JOBS, *, early: bool = False) -> None:
@@ -53,7 +52,7 @@ class DiskThread:
         self._there = threading.Semaphore(0)
         self._since_s: float | None = None
         self.failure: BaseException | None = None
-        """What ended the thread: a fault of ours."""
+        """The internal error that ended the thread."""
 
     def start(self) -> None:
         """Begin to work for the running loop, once."""
@@ -63,10 +62,7 @@ class DiskThread:
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Do `job` in the thread and `then` with its result in the loop.
-
-        Returns: False, and nothing is done, when too many wait.
-        """
+        """Do `job` in the thread, then `then` with its result in the loop; False if full."""
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:
@@ -76,10 +72,7 @@ class DiskThread:
         return True
 
     async def run(self, function: Callable[..., T], *given: Any) -> T:
-        """Call a function in the thread; what it returns or raises comes here.
-
-        Raises `RecordingError`: too many jobs wait for the disk.
-        """
+        """Await a function run in the thread; raises `RecordingError` if too many jobs wait."""
         result: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 
         def job() -> Callable[[], None]:
@@ -97,7 +90,7 @@ class DiskThread:
         return await result
 
     async def finish(self, within_s: float = FINISH_S) -> None:
-        """Let it do what waits, unless the disk stalls."""
+        """Let it finish the waiting jobs, unless the disk stalls."""
         for _ in range(round(within_s / FINISH_TURN_S)):
             if not self._jobs and self._since_s is None:
                 return
@@ -134,9 +127,8 @@ class DiskThread:
 class DiskBatches(Generic[T, R]):
     """Collects items in the loop and writes them in the disk thread, one batch at a time.
 
-    `disk`: the thread.
-    `write`: writes a batch, in the thread.
-    `then`: gets each batch and what `write` returned, in the loop.
+    `write`: writes a batch, in the thread. `then`: gets each batch and what `write` returned,
+    in the loop.
     """
 
     def __init__(
@@ -147,11 +139,11 @@ class DiskBatches(Generic[T, R]):
     ) -> None:
         self._disk, self._write, self._done = disk, write, then
         self.waiting: list[T] = []
-        """Items that are not handed over."""
+        """Items not handed over yet."""
         self.handed_s: float | None = None
-        """When the batch that is being written was handed over [s, monotonic]."""
+        """When the batch being written was handed over [s, monotonic]."""
         self.took_s = 0.0
-        """How long the batch before took."""
+        """Duration of the previous batch [s]."""
         self._again = False
 
     def add(self, item: T) -> None:
@@ -160,7 +152,7 @@ class DiskBatches(Generic[T, R]):
         self.write()
 
     def write(self) -> None:
-        """Hand over what waits, even nothing; after the batch that is being written, if any."""
+        """Hand over the waiting items, even none, after the batch that is being written."""
         self._again = self.handed_s is not None
         if self._again:
             return

@@ -1,7 +1,7 @@
-"""Fields of a record as the tables and files write them: they derive from the dataclass.
+"""Fields of a record for tables and files, derived from the dataclass.
 
-A new field of `uavrt.messages.Pulse` is a new column of the flight's database, of the files of
-``uavrt detect`` and of the page's records, without a second list of names.
+A new field of `uavrt.messages.Pulse` becomes a column of the flight's database, of the files of
+``uavrt detect`` and of the page's records.
 """
 
 import math
@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
 IN_NO_TABLE = "in no table"
-"""Metadata of a field that is no plain value, and is left out of tables."""
+"""Metadata key of a field that is no plain value, and is left out of tables."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -33,19 +33,16 @@ class RecordField:
     name: str
     kind: Kind
     optional: bool
-    """It may be None."""
+    """Whether it may be None."""
     defaulted: bool
-    """It may be left out: older files lack it."""
+    """Whether it may be missing, as in older files."""
     choices: tuple[str, ...] = ()
-    """Of a word: what it may be; empty: anything."""
+    """Allowed words; empty: any."""
     length: int | None = None
-    """Of reals: how many; None: any number of them."""
+    """Number of reals; None: any number."""
 
     def from_record(self, value: Any) -> Any:
-        """Read a value of JSON or of a CSV cell.
-
-        Raises `ValueError` or `TypeError`: it is of the wrong kind.
-        """
+        """Read a value of JSON or CSV; raises `ValueError` or `TypeError` on a wrong kind."""
         if value is None and self.optional:
             return None
         match self.kind:
@@ -70,14 +67,14 @@ class RecordField:
 
     @property
     def to_sql(self) -> Callable[[Any], Any] | None:
-        """What turns a value into a cell of the database; None where it is one already."""
+        """Function from a value to a database cell; None if it is one already."""
         return _joined if self.kind in ("wholes", "reals") else None
 
     @property
     def from_sql(self) -> Callable[[Any], Any] | None:
-        """What turns a cell of the database into a value; None where nothing does.
+        """Function from a database cell to a value; None if it is one already.
 
-        A real number that was NaN is NULL in the database: that is the table's to know.
+        A real number that was NaN is NULL in the database; its table handles that.
         """
         match self.kind:
             case "switch":
@@ -90,10 +87,7 @@ class RecordField:
 
 
 def fields_of(record: type) -> tuple[RecordField, ...]:
-    """List the fields of a dataclass of plain values.
-
-    Raises `TypeError`: a field is of a type that no table has; a fault of the program.
-    """
+    """List the fields of a dataclass of plain values; raises `TypeError` on other types."""
     hints = get_type_hints(record)
     return tuple(
         _field(item.name, hints[item.name], defaulted=item.default is not MISSING)

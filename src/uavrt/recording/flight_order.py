@@ -1,12 +1,12 @@
 """The order in which flights were flown, also where the clock was wrong.
 
-A flight is named after the clock, and a computer without a battery for its clock may begin in
-1970: its newest flight would be taken for the oldest, and removed first. So each flight is
-noted in a file beside them as it begins, one name a line. Flights that are not noted are older
-than the file; among them the names decide.
+A flight is named after the clock, which may be in 1970 without a battery: then the newest
+flight would count as the oldest and be removed first. So a file in their folder lists each
+flight as it begins, one name a line. Flights not listed are older than the file; among them the
+names decide.
 
-Copies of a flight lie beside it under its name with an ending: NAME_ground as the page on the
-drone's own computer received it, NAME_drone as it was fetched. They are as old as the flight.
+Copies of a flight lie next to it: NAME_ground as received by the page on the drone's own
+computer, NAME_drone as downloaded. They are as old as the flight.
 """
 
 import itertools
@@ -26,16 +26,13 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 
 
 def note_flight(flight: Path) -> None:
-    """Note that a flight begins now.
-
-    Raises `OSError`: the disk cannot be written; to be tried again, nothing else need stop.
-    """
+    """List a flight that begins now; raises `OSError` if the disk fails: try again later."""
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)
     if names and names[-1] == flight.name:
         return  # it goes on, after a restart
     with open(path, "a", encoding="utf-8") as file:
-        # What a power cut left half-written becomes a name that no flight has.
+        # A half-written line after a power cut then names no flight.
         file.write("\n" * _is_torn(path) + f"{flight.name}\n")
         file.flush()
         os.fsync(file.fileno())
@@ -52,7 +49,7 @@ def flown_name(name: str) -> str:
 
 
 def copy_beside(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
-    """Name a directory that does not exist yet for what the page receives of a flight."""
+    """Get an unused directory for the page's copy of a flight."""
     path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
     while is_taken(path):
         path = flight.with_name(f"{flight.name}{GROUND_COPY}_{number}")
@@ -61,7 +58,7 @@ def copy_beside(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) ->
 
 
 def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
-    """Put flights together with their copies, each time the flight first; the order stays."""
+    """Group flights with their copies, each time the flight first; the order stays."""
     together: dict[str, list[Path]] = {}
     for flight in flights:
         together.setdefault(flown_name(flight.name), []).append(flight)
@@ -75,14 +72,14 @@ def flights_in_order(directory: Path) -> list[Path]:
 
 
 def order_noted(directory: Path) -> dict[str, int]:
-    """Get what is noted of the order of flights below a directory: numbers that count up."""
+    """Get each listed flight's place in the order, as rising numbers."""
     return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
 
 
 def flown_before(flight: Path) -> list[Path] | None:
-    """List the flights beside one that were flown before it, the oldest first.
+    """List the flights in the same folder flown before one, the oldest first; None if unknown.
 
-    None where nobody has noted when it was flown: then there is only its clock to go by.
+    It is unknown if the flight is not listed; then only its clock is left.
     """
     name = flown_name(flight.name)
     if name not in order_noted(flight.parent):
@@ -94,7 +91,7 @@ def flown_before(flight: Path) -> list[Path] | None:
 
 
 def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:
-    """Sort the names of flights, the oldest first, by what is noted of their order."""
+    """Sort the names of flights, the oldest first, by the list of their order."""
     place = {name: number for number, name in enumerate(noted)}
 
     def key(name: str) -> tuple[int, str, str]:

@@ -1,4 +1,4 @@
-"""Read a flight directory, whole, half written, or cut off by a dead battery."""
+"""Read a flight directory: complete, being written, or cut off by a dead battery."""
 
 import math
 import os
@@ -24,7 +24,7 @@ from uavrt.messages import (
     StatusText,
     keep_beep,
 )
-from uavrt.on_ground import GROUND_STATION, ToldStates, told_of_ground
+from uavrt.on_ground import GROUND_STATION, GroundStates, ground_state
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.plain_database import open_plain, require_plain_files
@@ -33,7 +33,7 @@ from uavrt.recording.tag_names import tags_with_names
 
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
 LATEST_NS = 2**62
-"""Of a flight [ns since 1970]: sums and differences of times keep within 64 bits."""
+"""Latest time in a flight [ns since 1970]: sums and differences keep within 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,24 +44,21 @@ class Flight:
     """`info.directory` is where it was read, not where it was flown."""
     settings_json: str | None
     pulse_poses: tuple[PulsePose, ...]
-    """All pulses; the pose is None where none was known."""
+    """All pulses; the pose is None if unknown."""
     poses: tuple[Pose, ...]
     """Raw vehicle poses (not the antenna's)."""
     status_texts: tuple[tuple[int, StatusText], ...]
-    """With time [ns, UTC]."""
+    """Texts, each with its time [ns, UTC]."""
     notes: tuple[tuple[int, str], ...]
-    """With time [ns, UTC]."""
+    """Notes, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times of what was not flown, as the autopilot told; empty where it told
-    nothing, or where nothing flew."""
+    """First and last times on the ground [ns], by the autopilot; empty if not reported."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read everything of a flight but the health records, of which only what tells flight.
+    """Read a flight, also while it is being written, without most health records.
 
-    A flight that is still being written can be read too.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
+    Raises `FormatError` if there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         return Flight(
@@ -91,28 +88,25 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall(),
                 tuple[tuple[int, str], ...],
             ),
-            on_ground_ns=told_in(database).spans(),
+            on_ground_ns=ground_states_in(database).spans(),
         )
 
 
-def told_in(database: sqlite3.Connection) -> ToldStates:
-    """What the autopilot told of arming and landing, to the drone or to the ground station."""
+def ground_states_in(database: sqlite3.Connection) -> GroundStates:
+    """The autopilot's arming and landing, as the drone or the ground station recorded them."""
     rows = database.execute(
         "SELECT time_ns, process, status, ok, counters FROM health"
         " WHERE process IN ('connection', ?) ORDER BY time_ns",
         (GROUND_STATION,),
     )
-    told = ToldStates()
+    states = GroundStates()
     for one in map(schema.health_from_row, rows):
-        told.add(one.time_ns, *told_of_ground(one))
-    return told
+        states.add(one.time_ns, *ground_state(one))
+    return states
 
 
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
-    """Read the signs of life of all processes.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
-    """
+    """Read the health records of all processes; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         rows = database.execute(
             "SELECT time_ns, process, status, ok, counters FROM health ORDER BY time_ns"
@@ -121,10 +115,7 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
 
 
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
-    """Read what was searched without a detection.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
-    """
+    """Read searches without a detection; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         rows = database.execute(
             f"SELECT {schema.SEARCH_REPORT_COLUMNS} FROM search_reports"
@@ -134,19 +125,13 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
 
 
 def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ...]:
-    """Read what searches have decided and found; nothing of flights of before there were any.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
-    """
+    """Read search decisions and results, if recorded; raises `FormatError`."""
     rows = _rows_if_any(directory, "search_notes", schema.SEARCH_NOTE_COLUMNS)
     return tuple(map(schema.search_note_from_row, rows))
 
 
 def read_beeps(directory: str | os.PathLike[str]) -> tuple[Beep, ...]:
-    """Read what beeped, each sender as it was measured last; nothing of older flights.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
-    """
+    """Read the last measurement of each beeping sender; raises `FormatError`."""
     found: list[Beep] = []
     for row in _rows_if_any(directory, "beeps", schema.BEEP_COLUMNS):
         with suppress(ValueError):  # a kind of a newer version
@@ -168,10 +153,7 @@ def _rows_if_any(
 
 
 def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
-    """Read when detection was stopped by order [ns, UTC]; nothing for a dead battery.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
-    """
+    """Read when detection was stopped by command [ns, UTC]; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         rows = database.execute(
             "SELECT time_ns FROM commands WHERE name = 'stop_detection' AND accepted"
@@ -189,10 +171,9 @@ DAMAGED = (
 
 @contextmanager
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
-    """Open a flight's database for reading; what it lacks of today's columns is added.
+    """Open a flight's database for reading; columns it lacks read as NULL.
 
-    Raises `FormatError`: there is none, or it is damaged, also where that shows while it is
-    read.
+    Raises `FormatError` if it is missing or damaged, also where that shows while it is read.
     """
     path = FlightLayout(directory).database
     if not path.is_file():
@@ -213,7 +194,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open for reading only; from a medium that allows no lock files, read a copy."""
+    """Open for reading only; a copy if the medium allows no lock files."""
     try:
         return open_plain(path)
     except sqlite3.OperationalError:
@@ -226,7 +207,7 @@ def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
 
 
 def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
-    """Read what the flight is; raises ValueError where it never began."""
+    """Read the flight's record; raises `ValueError` if it never began."""
     columns = "start_time_ns, clock_offset_ns, center_frequency_hz, sample_rate_hz"
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:
@@ -237,7 +218,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         if one is not None
     ]
     if not all(isinstance(one, int) and abs(one) < LATEST_NS for one in times_ns):
-        raise ValueError("a time in it is none")
+        raise ValueError("a time in it is invalid")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),

@@ -2,10 +2,10 @@
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
 committed record through ``kill -9``. In a flight that is received or flown each also reaches
-the disk itself (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
-database when it has grown to `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does
-both. The text log is a second copy. On a disk that is full or read-only the records wait in
-memory and every commit tries again.
+the disk (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the database
+when it has grown to `WAL_BYTES`; elsewhere a checkpoint every `CHECKPOINT_S` does both. The
+text log is a second copy. On a disk that is full or read-only the records wait in memory and
+every commit tries again.
 """
 
 import itertools
@@ -48,24 +48,23 @@ from uavrt.recording.pulse_logs import AT_ONCE, PulseLogs
 from uavrt.recording.pulse_pose_log import PulsePoseLog
 
 CHECKPOINT_S = 2.0
-"""Where a commit is not on the disk itself, a power cut loses at most this much."""
+"""Time between checkpoints without a sync at each commit [s]; the most a power cut loses."""
 
 WAL_BYTES = 4_000_000
-"""A write-ahead log of this size is folded into the database: each page that was written again
-and again meanwhile is copied once. Some ten minutes of a flight; it is read anew in 10 ms."""
+"""Size at which the write-ahead log is folded into the database, after some ten minutes. Pages
+rewritten meanwhile are copied once; reading the log takes 10 ms."""
 
 LEAST_FREE_BYTES = 1_000_000
-"""With less than this on the disk, a commit may be refused at any moment."""
+"""Free space below which a commit may be refused at any moment."""
 
 PAGE_BYTES = 512
-"""Every commit writes whole pages, and in an ordinary flight some ten that are partly full:
-with SQLite's 4096 these would be eight times as large."""
+"""Size of a page, below SQLite's 4096: each commit writes some ten partly filled ones."""
 
 MAX_WAITING_PULSES = 100_000
 """Pulses kept in memory while the disk fails: 84 MB, 3.5 hours at 8 pulses a second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Poses and health kept likewise: half an hour; pulses carry their own poses."""
+"""Poses and health kept in memory: half an hour; pulses carry their own poses."""
 
 _POISON = (sqlite3.IntegrityError, sqlite3.DataError, sqlite3.InterfaceError, OverflowError)
 # Python 3.11 raises InterfaceError or ProgrammingError for a type SQLite does not know.
@@ -73,7 +72,7 @@ _UNWRITABLE = (*_POISON, sqlite3.ProgrammingError, UnicodeEncodeError)
 
 Statement = tuple[str, schema.Row]
 CACHE_KIB = 256
-"""Of SQLite's pages, in place of 2000: rows are appended, and the process shall not grow."""
+"""SQLite's page cache; small, since rows are only appended."""
 
 
 class FlightRecorder:
@@ -88,10 +87,10 @@ class FlightRecorder:
         self._origin: tuple[FlightInfo, Settings | None] | None = None
         self._begun = True
         self._restoring = False
-        """The database was put aside, and the log's pulses are not yet in the new one."""
+        """Whether pulses of the text log are still missing in the new database."""
         self._pulses: deque[Pulse | PulsePose] = deque()
         self._urgent: deque[Statement] = deque()
-        """Deliveries and the like; they are committed with the pulses."""
+        """Deliveries and other records committed with the pulses."""
         self._others: deque[Statement] = deque()
         self._logs = PulseLogs(self.layout)
         self._checkpoint_at_s = monotonic_s() + CHECKPOINT_S
@@ -100,20 +99,20 @@ class FlightRecorder:
         self.committed_pulses = 0
         """New pulses written since this recorder was made."""
         self.repeated_pulses = 0
-        """Pulses that were recorded before, as when a sender repeats after a restart."""
+        """Pulses recorded before, as when a sender repeats after a restart."""
         self.failed_commits = 0
         self.dropped_records = 0
-        """Records given up because too many waited for a disk that did not recover."""
+        """Records dropped because too many waited for a disk that did not recover."""
         self.refused_records = 0
-        """Records that no database could hold: numbers beyond 64 bits and the like."""
+        """Records that no database can hold, such as numbers beyond 64 bits."""
         self.mended = ""
-        """What was wrong with the database last and has been put right, for the operator."""
+        """The last database fault that was repaired, for the operator."""
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
         """Begin a flight in `info.directory`: its directories, configs and database.
 
-        Raises `RecordingError`: the place cannot be written, or a flight is there already.
+        Raises `RecordingError` if it cannot be written, or contains a flight.
         """
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
@@ -127,11 +126,10 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
-        """Continue with a flight after a kill or a power cut: nothing lost, nothing doubled.
+        """Continue a flight after a kill or a power cut, without lost or double records.
 
-        `durable` as in `open`.
-
-        Raises `RecordingError`: there is no flight, or it cannot be written.
+        `durable` as in `open`. Raises `RecordingError` if there is no flight, or it cannot be
+        written.
         """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
@@ -148,12 +146,11 @@ class FlightRecorder:
     def open(
         cls, info: FlightInfo, settings: Settings | None = None, *, durable: bool = False
     ) -> "FlightRecorder":
-        """Begin the flight, or go on with it when this recorder was restarted.
+        """Begin the flight, or continue it if it exists.
 
-        Never fails: on a disk that is full now, records wait in memory, every commit says so
-        and tries again. A damaged database is put aside, and a new one is begun with the
-        pulses of the text log. With `durable` each commit waits until the disk itself has it;
-        for those who commit seldom.
+        Never fails: on a full disk records wait in memory, and every commit reports it and
+        tries again. A damaged database is put aside, and a new one starts with the pulses of
+        the text log. With `durable` each commit waits for the disk.
         """
         recorder = cls(Path(info.directory), durable=durable)
         recorder._origin, recorder._begun = (info, settings), False
@@ -163,12 +160,12 @@ class FlightRecorder:
 
     @property
     def waiting_records(self) -> int:
-        """Records taken and not yet committed."""
+        """Number of records not committed yet."""
         return self.waiting_pulses + len(self._others)
 
     @property
     def waiting_pulses(self) -> int:
-        """Pulses, and what belongs to them, taken and not yet committed."""
+        """Number of pulses, and records that belong to them, not committed yet."""
         return len(self._pulses) + len(self._urgent)
 
     def write_pulses(self, pulses: Iterable[Pulse]) -> None:
@@ -177,19 +174,19 @@ class FlightRecorder:
         self._bound(self._pulses, MAX_WAITING_PULSES)
 
     def write_pulse_poses(self, pulse_poses: Iterable[PulsePose]) -> None:
-        """Add pulses with their poses, whether the pulse itself was written before or not."""
+        """Add pulses with their poses, whether or not the pulse was written before."""
         self._pulses.extend(pulse_poses)
         self._bound(self._pulses, MAX_WAITING_PULSES)
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Put into a recorded burst what is inside it; committed with the pulses."""
+        """Add the content of a recorded burst; committed with the pulses."""
         self._urgent.append((schema.UPDATE_INSIDE, schema.inside_row(burst)))
         self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Get recorded pulses that nobody has given a pose, or the word that there is none.
+        """Get up to `most` recorded pulses whose pose is open, the oldest first.
 
-        At most `most`, the oldest first; none while the disk fails.
+        None while the disk fails.
         """
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             rows = self._connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
@@ -212,7 +209,7 @@ class FlightRecorder:
             self._take(schema.INSERT_POSE, schema.pose_row(pose))
 
     def write_health(self, health: Health) -> None:
-        """Add a process's sign of life."""
+        """Add a process's health record."""
         self._take(schema.INSERT_HEALTH, schema.health_row(health))
 
     def write_status_text(self, text: StatusText, time_ns: int) -> None:
@@ -220,7 +217,7 @@ class FlightRecorder:
         self._take(schema.INSERT_STATUS_TEXT, (time_ns, text.severity, text.text))
 
     def write_search_report(self, report: SearchReport) -> None:
-        """Add what was searched without a detection, with its noise floor."""
+        """Add a search without a detection, with its noise floor."""
         self._take(schema.INSERT_SEARCH_REPORT, schema.search_report_row(report))
 
     def write_tags(self, tags: Iterable[Tag]) -> None:
@@ -233,7 +230,7 @@ class FlightRecorder:
         self._take(schema.INSERT_BEEP, schema.beep_row(beep))
 
     def write_search_note(self, note: SearchNote) -> None:
-        """Take what a search has decided or found."""
+        """Add a search's decision or result."""
         self._take(schema.INSERT_SEARCH_NOTE, schema.search_note_row(note))
 
     def write_delivered(self, delivered: Delivered) -> None:
@@ -244,7 +241,7 @@ class FlightRecorder:
         self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def write_command(self, command: Command, reply: CommandReply | None, time_ns: int) -> None:
-        """Add a command and how it was answered."""
+        """Add a command and its answer."""
         self._take(schema.INSERT_COMMAND, schema.command_row(command, reply, time_ns))
 
     def write_note(self, text: str, time_ns: int) -> None:
@@ -252,13 +249,11 @@ class FlightRecorder:
         self._take(schema.INSERT_NOTE, (time_ns, text))
 
     def commit(self, *, pulses_only: bool = False) -> None:
-        """Record what was taken; when this returns, a kill does not undo it.
+        """Commit the written records; a kill afterwards loses none of them.
 
-        `pulses_only`: pulses with their poses and what has reached the ground; the rest waits
-        for a later commit, which then writes fewer half-full pages.
-        Raises `RecordingError`: the disk is full or cannot be written. Nothing recorded
-        is lost; what was taken waits in memory and the next commit tries again. The
-        caller counts and goes on.
+        `pulses_only`: only pulses with their poses and deliveries; later commits then write
+        fewer half-full pages. Raises `RecordingError` if the disk is full or cannot be written;
+        the records then wait in memory for the next commit.
         """
         try:
             if not self._begun:
@@ -276,7 +271,7 @@ class FlightRecorder:
         self._checkpoint(database)
 
     def is_suspect(self) -> bool:
-        """Whether the disk may refuse the next commit, as far as that shows without one."""
+        """Whether the disk may refuse the next commit, as far as can be seen without trying."""
         root = self.layout.root
         try:
             full = shutil.disk_usage(root).free < LEAST_FREE_BYTES
@@ -285,9 +280,9 @@ class FlightRecorder:
         return full or not self._begun or self._is_gone() or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, fold the log into the database file and close.
+        """Commit, fold the log into the database file and close, even if the commit fails.
 
-        Raises `RecordingError`: the last commit failed; the database is closed all the same.
+        Raises `RecordingError` if it failed.
         """
         try:
             self.commit()
@@ -300,7 +295,7 @@ class FlightRecorder:
             self._disconnect()
 
     def _begin(self) -> None:
-        """Make what a flight has from its first moment; harmless when it is there already."""
+        """Make what a flight has from its first moment; can be repeated."""
         if self._origin is None:
             return
         info, settings = self._origin
@@ -308,7 +303,7 @@ class FlightRecorder:
         self.layout.make([tag.tag_id for tag in info.tags])
         for tag in info.tags:
             path = self.layout.tag_config(tag.tag_id)
-            # A ground station records too, and is not told the radio's frequency.
+            # A ground station records too, without the radio's frequency.
             if not path.exists() and math.isfinite(info.center_frequency_hz):
                 output = str(self.layout.tag_pulse_pose_log(tag.tag_id).parent)
                 sent = None if settings is None else settings.udp_channels
@@ -333,7 +328,7 @@ class FlightRecorder:
         self._begun = True
 
     def _restore(self, database: sqlite3.Connection) -> None:
-        """Take the pulses of the text log into a new database, some at a time."""
+        """Copy some pulses of the text log into a new database."""
         logged = PulsePoseLog(self.layout.pulse_pose_log).pulse_poses()
         waiting = self._pulses
         try:
@@ -353,7 +348,7 @@ class FlightRecorder:
         self.write_note(self.mended, now_ns)
 
     def _rename(self) -> str:
-        """Give what is there by the database's name another one; get it."""
+        """Rename the file with the database's name; return the new name."""
         database = self.layout.database
         number = 1
         while (aside := database.with_name(f"{database.name}.damaged-{number}")).exists():
@@ -365,11 +360,11 @@ class FlightRecorder:
         return aside.name
 
     def _is_gone(self) -> bool:
-        """Whether the open database is no longer the file of its name: nobody could read it."""
+        """Whether the open database's file was removed or replaced, so readers miss it."""
         return self._database is not None and _identity(self.layout.database) != self._file
 
     def _write_again(self) -> None:
-        """Copy a database that was removed or replaced, and is open still, to its place."""
+        """Copy the open database, whose file was removed or replaced, to its place."""
         root, old = self.layout.root, self._database
         assert old is not None
         assert self._file is not None
@@ -422,7 +417,7 @@ class FlightRecorder:
             self._database = None
 
     def _insert_all(self, database: sqlite3.Connection, others: deque[Statement]) -> None:
-        """One transaction: all of it, or nothing."""
+        """Insert all rows in one transaction."""
         new: list[PulsePose] = []
         counts = {"pulses": 0, "repeated": 0, "refused": 0}
         database.execute("BEGIN IMMEDIATE")
@@ -471,7 +466,7 @@ class FlightRecorder:
             counts["repeated"] += 1
 
     def _checkpoint(self, database: sqlite3.Connection) -> None:
-        """Fold the write-ahead log into the database file, with the disk's own caches."""
+        """Fold the write-ahead log into the database file, with a disk sync."""
         if self._durable:
             with suppress(OSError):
                 if self.layout.write_ahead_log.stat().st_size > WAL_BYTES:
@@ -492,7 +487,7 @@ class FlightRecorder:
             self.failed_commits += 1
 
     def _failure(self, error: Exception) -> RecordingError:
-        """Roll back, let go of the file (it may be on another disk soon), and say why."""
+        """Roll back, close the file (it may be on another disk soon), and return the error."""
         if isinstance(error, RecordingError):
             return error
         if _damaged(error):

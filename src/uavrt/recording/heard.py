@@ -1,4 +1,4 @@
-"""Tags heard so far in the current flight: how often, and when last."""
+"""Tags received so far in the current flight: number of pulses, and time of the last."""
 
 import sqlite3
 from contextlib import closing
@@ -12,16 +12,15 @@ _HEARD = "SELECT tag_id, COUNT(*), MAX(end_time_ns) FROM pulses WHERE confirmed 
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Get how many confirmed pulses each tag has in the flight, and the end of the newest.
+    """By tag id: its number of confirmed pulses in the flight, and the end of the newest [ns].
 
-    Returns: by tag id: the count and the time [ns]; tags without any are left out.
-    Raises `RecordingError`: the database cannot be read.
+    Tags without any are left out. Raises `RecordingError` if the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:
         uri = f"{path.absolute().as_uri()}?mode=ro"
         with closing(sqlite3.connect(uri, uri=True, timeout=0.05)) as database:
-            # The recorder makes the tables after the file: then nothing was heard yet.
+            # The recorder makes the tables after the file: there are no pulses yet.
             made = database.execute(_MADE).fetchone()[0]
             rows = database.execute(_HEARD).fetchall() if made else []
         return {int(tag_id): (int(count), int(end_ns)) for tag_id, count, end_ns in rows}

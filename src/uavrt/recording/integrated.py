@@ -25,7 +25,7 @@ from uavrt.recording.fields import IN_NO_TABLE
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_files import pulse_record, read_pulse_file
 
-_BESIDE = {IN_NO_TABLE: True}
+_NO_COLUMN = {IN_NO_TABLE: True}
 Ring = tuple[tuple[float, float], ...]
 """Latitudes and longitudes around a part of a region; the last place is the first."""
 
@@ -37,7 +37,7 @@ class IntegratedPart:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Holds 95 % of this part's probability."""
+    """Radius that holds 95 % of this part's probability [m]."""
     probability: float
 
 
@@ -46,35 +46,35 @@ class SearchedFor:
     """The tag that was searched for: silence excludes only such a tag."""
 
     frequency_hz: float
-    """From the tag list, as the values below."""
+    """Frequency from the tag list [Hz], as the values below."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
     interval_jitter_s: float
     gaps_s: tuple[float, ...]
-    """Between the pulses of a coded tag's burst."""
+    """Gaps between the pulses of a coded tag's burst [s]."""
     frequency_window_hz: float
-    """Half-width of the search around it."""
+    """Half-width of the searched band [Hz]."""
     most_drift: float
     """Largest relative change of the interval over the flight."""
     antenna: str
     """Name of the pattern."""
     antenna_assumed: bool
-    """The antenna was not specified."""
+    """Whether the antenna was not specified."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilentAround:
-    """What silence excludes on the ground around a flight; the map lies next to it."""
+    """Area that silence excludes around a flight; the map lies next to it."""
 
     tag_power_dbm: float
-    """Power that the tag is assumed to radiate."""
+    """Assumed radiated power of the tag [dBm]."""
     probability: float
     """Probability with which it would have been found."""
     within_m: float | None
     """Distance from the flight up to which this holds everywhere; None: nowhere."""
     whole_flight: bool
-    """Found by judging the whole flight, else heard by groups of pulses."""
+    """Whether the whole flight was judged, rather than groups of pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ class IntegratedVerdict:
     level_db: float | None = None
     """Energy over noise of the strongest pulse; this and the place are None if not found."""
     bearing_deg: float | None = None
-    """From the middle of the flight."""
+    """Bearing from the middle of the flight [deg]."""
     arc50_deg: float | None = None
     arc95_deg: float | None = None
     latitude_deg: float | None = None
@@ -102,25 +102,24 @@ class IntegratedVerdict:
     pulses: int = 0
     """Number of pulses found in hindsight only, in ``pulses.jsonl``."""
     flights: int = 1
-    """Judged together; the place is then from the middle of all."""
+    """Flights judged together; the place is then from the middle of all."""
     heard_live: int = 0
-    """Of the train's pulses those that the flight's own log has already; not written again."""
+    """Number of the train's pulses in the flight's own log; not written again."""
     remarks: str = ""
     """Limits of the figures: another datum, ground without heights."""
     ambiguous: bool = False
     """Whether a train on its frequency may be its own, at a small ratio of its interval."""
     listened: str = ""
-    """When there were samples of its channel: intervals of ISO 8601, spaces between. Empty
-    where unknown, as in results of earlier versions."""
-    parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_BESIDE)
-    """Those places, the likeliest first. Of several, `latitude_deg` is of their middle."""
-    region50: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
-    """Holds the tag with 50 %."""
-    region95: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
-    searched: SearchedFor | None = field(default=None, metadata=_BESIDE)
-    """None in results of earlier versions."""
-    silent: SilentAround | None = field(default=None, metadata=_BESIDE)
-    """None where the tag was heard, or no map was made."""
+    """ISO 8601 intervals with samples of its channel, separated by spaces; empty if unknown."""
+    parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
+    """Those places, the likeliest first; `latitude_deg` of several is of their middle."""
+    region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
+    """Region that holds the tag with 50 %."""
+    region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
+    searched: SearchedFor | None = field(default=None, metadata=_NO_COLUMN)
+    """The tag searched for; None in results of earlier versions."""
+    silent: SilentAround | None = field(default=None, metadata=_NO_COLUMN)
+    """Area excluded by silence; None if the tag was received, or no map was made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +129,7 @@ class FlightFold:
     tag_id: int
     interval_s: float
     length_s: float
-    """Of the flight, over all rows."""
+    """Length of the flight, over all rows [s]."""
     profile: tuple[float, ...]
     """(columns,) sum over the flight; the train's phase is in the middle."""
     raster: tuple[tuple[float, ...], ...]
@@ -152,10 +151,8 @@ def write_integrated(
 ) -> Path:
     """Write the results of some tags into a flight; those of other tags stay.
 
-    `verdicts`: one for each tag that was judged.
-    Returns: the directory of the results.
-    Raises `RecordingError`: it cannot be written.
-    Raises `FormatError`: what is there already cannot be read.
+    Returns the directory of the results. Raises `RecordingError` if it cannot be written,
+    `FormatError` if existing results cannot be read.
     """
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
@@ -185,10 +182,7 @@ def write_integrated(
 def read_integrated(
     flight: str | os.PathLike[str],
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
-    """Read the results of ``uavrt integrate``; empty where there are none.
-
-    Raises `FormatError`: the files are damaged.
-    """
+    """Read the results of ``uavrt integrate``, if any; raises `FormatError` if damaged."""
     directory = FlightLayout(Path(flight)).integrated_directory
     tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
     if not tags.is_file():
@@ -205,10 +199,7 @@ def read_integrated(
 
 
 def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
-    """Read the folds of the judged tags; earlier versions wrote none.
-
-    Raises `FormatError`: the file is damaged.
-    """
+    """Read the folds of the judged tags, if any; raises `FormatError` if damaged."""
     path = FlightLayout(Path(flight)).integrated_directory / "folds.json"
     if not path.is_file():
         return ()

@@ -1,7 +1,7 @@
-"""Records samples as SigMF beside detection, and always gives way to it.
+"""Records samples as SigMF in a thread that never delays detection.
 
-The caller hands over blocks and goes on at once. A thread of its own converts and writes them;
-while the disk is slow or full, blocks are dropped, counted and marked as a gap.
+`put` only queues blocks; the thread converts and writes them. While the disk is slow or full,
+blocks are dropped, counted and marked as a gap.
 """
 
 import threading
@@ -14,26 +14,23 @@ from uavrt.messages import IQBlock
 from uavrt.recording.sample_file import FreeSpace, SampleFile
 
 QUEUE_S = 2.0
-"""Samples that may wait for the disk: 6 MB at 375 kS/s; a hiccup of an SD card is 1 s."""
+"""Most samples waiting for the disk [s]: 6 MB at 375 kS/s; an SD card pauses for 1 s."""
 
 WAKE_S = 0.2
-"""The thread wakes for this much at once: most of its cost is the waking."""
+"""Samples for which the thread wakes [s]; each wake-up costs more than the writing."""
 
 SETTLED_AFTER_S = 12.0
-"""The clock of a radio's samples is corrected fast in its first 10 s (`uavrt.radio.times`)."""
+"""Time in which the clock of a radio's samples is corrected fast [s] (`uavrt.radio.times`)."""
 
 
 class IQRecorder:
     """Writes blocks as ``NAME.sigmf-data`` (cs16) and ``NAME.sigmf-meta``.
 
-    The metadata is valid JSON and describes all samples of the data file at any moment, also
-    after a power cut.
+    The metadata describes all samples of the data file at any moment, also after a power cut.
 
-    `base`: directory and NAME, without a suffix; the directory is made.
-    `sample_rate_hz`, `center_frequency_hz`: of the blocks that will come [Hz].
-    `minimum_free_mb`: nothing is written while the disk has less free space [MB].
-    `description`, `hardware`: what is recorded, and the radio, for the metadata.
-    Raises `RecordingError`: the files cannot be made, or exist already.
+    `base`: directory and NAME, without a suffix; the directory is made. `minimum_free_mb`:
+    nothing is written while the disk has less free space [MB]. `description`, `hardware`: for
+    the metadata. Raises `RecordingError` if the files cannot be made, or exist already.
     """
 
     def __init__(
@@ -54,7 +51,7 @@ class IQRecorder:
         self._condition = threading.Condition()
         self._closing = False
         self.dropped_samples = 0
-        """Samples given up because the disk was slow, full or failing."""
+        """Samples dropped because the disk was slow, full or failing."""
         self.trouble: str | None = None
         """Why nothing is being written now; None when all is well."""
         try:
@@ -110,10 +107,10 @@ class IQRecorder:
         return self._file.gaps
 
     def put(self, block: IQBlock) -> bool:
-        """Hand over a block and go on at once; False when it had to be dropped.
+        """Queue a copy of a block and return at once; False when it had to be dropped.
 
-        The samples are copied. Once the queue has overflowed it takes nothing until it is half
-        empty, so that a slow disk makes few long gaps instead of many short ones.
+        After an overflow it takes nothing until the queue is half empty: few long gaps instead
+        of many short ones.
         """
         size = len(block.samples)
         with self._condition:
@@ -131,7 +128,7 @@ class IQRecorder:
             return True
 
     def close(self, timeout_s: float = 5.0) -> None:
-        """Write what waits, for at most `timeout_s`, and end; harmless when repeated."""
+        """Write what waits, for at most `timeout_s`, and end; can be repeated."""
         with self._condition:
             self._closing = True
             self._condition.notify()
@@ -148,7 +145,7 @@ class IQRecorder:
             self._file.close()
 
     def _next_blocks(self) -> list[IQBlock]:
-        """Wait for blocks worth a write; none at the end."""
+        """Wait for enough blocks to write; none at the end."""
         with self._condition:
             while self._waiting_samples < self._worth_waking and not self._closing:
                 self._condition.wait()

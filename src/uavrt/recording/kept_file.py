@@ -1,6 +1,6 @@
 """One record in a file that survives every stop and restart.
 
-A disk that cannot be read or written costs the memory, never the flight.
+A disk fault loses the record, and never stops the flight.
 """
 
 from contextlib import suppress
@@ -20,13 +20,10 @@ R = TypeVar("R")
 
 
 class KeptFile(Generic[R]):
-    """The file, as JSON that people can read.
+    """A record kept as readable JSON.
 
-    `path`: where; its directory is made when something is kept.
-    `kind`: what is in it.
-    `name`: of what is kept, for the log.
-    `sync`: wait for the disk at each `keep`. Without it, half a minute may be missing after a
-    power cut.
+    `path`: its directory is made on demand. `kind`: type of the content. `name`: for the log.
+    `sync`: wait for the disk at each `keep`; else a power cut may lose half a minute.
     """
 
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
@@ -37,7 +34,7 @@ class KeptFile(Generic[R]):
         self._fault = ""
 
     def read(self) -> R | None:
-        """Get what was kept; a damaged file is put aside, with ``.damaged`` at its name."""
+        """Read the record; a damaged file is renamed with ``.damaged``."""
         try:
             return read_record(self.path, self._kind)
         except FileNotFoundError:
@@ -51,7 +48,7 @@ class KeptFile(Generic[R]):
         return None
 
     def keep(self, record: R) -> None:
-        """Replace the file; after a power cut there is the old one or the new one."""
+        """Replace the file; after a power cut the old or the new one is there."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             text = msgspec.json.format(msgspec.json.encode(record)).decode()

@@ -1,4 +1,4 @@
-"""Where things lie in a flight directory: the thesis's layout, and a database beside it.
+"""Where things lie in a flight directory: the thesis's layout, and a database.
 
 ::
 
@@ -32,7 +32,7 @@ from uavrt.config.radios import RADIOS
 from uavrt.errors import RecordingError
 
 Stamp: TypeAlias = tuple[int, int]
-"""Size of a flight's database and its log, and when they were last changed [ns since 1970]."""
+"""Size and last change [ns since 1970] of a flight's database and its log."""
 _RADIO_PROCESSES = {"radio", *(row.receive for row in RADIOS.values())}
 
 
@@ -49,12 +49,12 @@ class FlightLayout:
 
     @property
     def write_ahead_log(self) -> Path:
-        """What SQLite has committed and not yet folded into the database."""
+        """Committed records that SQLite has not yet folded into the database."""
         return self.root / "flight.sqlite-wal"
 
     @property
     def star(self) -> Path:
-        """A file, empty perhaps, that keeps the flight from being removed."""
+        """A file that keeps the flight from being removed; may be empty."""
         return self.root / "starred"
 
     @property
@@ -74,7 +74,7 @@ class FlightLayout:
 
     @property
     def integrated_directory(self) -> Path:
-        """What was found in hindsight, over the whole flight."""
+        """Results of ``uavrt integrate``."""
         return self.root / "integrated"
 
     def tag_directory(self, tag_id: int) -> Path:
@@ -90,7 +90,7 @@ class FlightLayout:
         return self.tag_directory(tag_id) / "output" / "pulse_pose_log.txt"
 
     def process_log(self, process: str) -> Path:
-        """Where the output of a process goes."""
+        """Output of a process."""
         name = re.sub(r"[^\w.-]", "_", process).strip(".") or "unnamed"
         if process in _RADIO_PROCESSES:
             directory = "airspy_csdr_netcat_log"
@@ -103,10 +103,7 @@ class FlightLayout:
         return self.root / directory / f"{name}.log"
 
     def make(self, tag_ids: list[int]) -> None:
-        """Make the directories.
-
-        Raises `RecordingError`: the disk is full, read-only, or forbidden.
-        """
+        """Make the directories; raises `RecordingError` if the disk is full or not writable."""
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
         for tag_id in tag_ids:
@@ -138,10 +135,7 @@ def new_flight_directory(
 
 
 def require_writable(directory: Path) -> None:
-    """Refuse at once what would fail at the first flight; the directory is made if need be.
-
-    Raises `RecordingError`: nothing can be written there.
-    """
+    """Make a directory for flights, or raise `RecordingError` if it cannot be written."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
         probe = directory / ".writable"
@@ -155,9 +149,9 @@ def require_writable(directory: Path) -> None:
 
 
 def stamp_of(flight: str) -> Stamp:
-    """When and how large the database of a flight's directory and its log were last.
+    """Size and last change of a flight's database and its log.
 
-    Paths are text: thousands of flights are looked at each time the list is shown.
+    Paths are text because each display of the list checks thousands of flights.
     """
     size, changed = 0, 0
     for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):
@@ -165,6 +159,6 @@ def stamp_of(flight: str) -> Stamp:
             stat = os.stat(path)
         except OSError:
             continue
-        if stat.st_size:  # to read a database leaves an empty log beside it
+        if stat.st_size:  # reading a database leaves an empty log
             size, changed = size + stat.st_size, max(changed, stat.st_mtime_ns)
     return size, changed

@@ -1,4 +1,4 @@
-"""A flight in outline, for summaries of many: no pulse is read as an object."""
+"""Summary of a flight, for lists of many: no pulse is read as an object."""
 
 import os
 import re
@@ -18,7 +18,7 @@ _HEARD = (
     f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns)"
     " FROM pulses GROUP BY tag_id"
 )
-"""Of each tag, and the end of its last pulse of any status; the table is read once."""
+"""Of each tag its number of pulses and the end of the last of any status, in one pass."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -26,7 +26,7 @@ _LEVELS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardTag:
-    """What a flight heard of one tag: confirmed pulses that are no ghosts."""
+    """Confirmed pulses of one tag in a flight, without ghosts."""
 
     pulses: int
     first_ns: int
@@ -35,35 +35,32 @@ class HeardTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOutline:
-    """A flight's length, what it heard, and its battery."""
+    """A flight's length, received tags and battery."""
 
     info: FlightInfo
     end_time_ns: int
-    """Of the last that is recorded."""
+    """Time of the last record [ns]."""
     heard: dict[int, HeardTag]
     of_ground: bool
-    """A ground station recorded it as it was received; else it is the drone's own."""
+    """Whether a ground station recorded it; else the drone did."""
     vehicle: str | None
-    """Number and name, where a ground station wrote them."""
+    """Number and name, if a ground station wrote them."""
     battery_percent: tuple[int, ...]
-    """As the ground station noted it, in order of time."""
+    """Battery as the ground station noted it, in order of time [%]."""
 
     @property
     def pulses(self) -> int:
-        """How many were confirmed, of all tags."""
+        """Number of confirmed pulses of all tags."""
         return sum(one.pulses for one in self.heard.values())
 
     @property
     def directory(self) -> Path:
-        """Where it lies."""
+        """Directory of the flight."""
         return Path(self.info.directory)
 
 
 def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
-    """Read a flight in outline.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
-    """
+    """Read a flight's summary; raises `FormatError` if there is none or it is damaged."""
     with flight_database(Path(directory)) as database:
         database.execute("BEGIN")  # one lock for all that follows
         info = flight_info(database, Path(directory))
@@ -91,27 +88,25 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Read how strong each confirmed pulse was [dB], by tag and start [ns].
+    """Level of each confirmed pulse [dB], by tag and start [ns].
 
-    Copies of a flight share them to the last digit; two drones that hear the same pulse at the
-    same time, each from its own place, do not. Over the link a start keeps no nanoseconds.
-
-    Raises `FormatError`: as `read_outline`.
+    Copies of a flight agree to the last digit, two drones that receive the same pulse do not.
+    Over the link a start has no nanoseconds. Raises `FormatError` as `read_outline`.
     """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)
         levels = {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}
         if any(abs(one) >= LATEST_NS for key in levels for one in key):
-            raise ValueError("a tag or a time in it is none")
+            raise ValueError("a tag or a time in it is invalid")
         return levels
 
 
 def battery_note(percent: int) -> str:
-    """Write what is left in the vehicle's battery."""
+    """Format a note on the vehicle's battery."""
     return f"battery {percent} %"
 
 
 def battery_levels(notes: Iterable[tuple[int, str]]) -> tuple[int, ...]:
-    """Read what was left [%], from `battery_note`."""
+    """Read the battery [%] from such notes."""
     found = (_BATTERY.fullmatch(text) for _, text in notes)
     return tuple(int(one[1]) for one in found if one is not None)

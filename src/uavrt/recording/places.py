@@ -13,7 +13,7 @@ from dataclasses import dataclass
 _PLACE = re.compile(r"(home|mark) at (-?\d{1,2}\.\d+), (-?\d{1,3}\.\d+)(?:: (.*))?", re.DOTALL)
 
 GROUND_NOTE = "recorded by the ground station"
-"""The note that tells a ground station's own recording."""
+"""The note that marks a ground station's own recording."""
 _VEHICLE = re.compile(r"vehicle \d{1,3}(?:, .{1,60})?", re.DOTALL)
 
 
@@ -32,29 +32,29 @@ class Places:
     """Places found in a flight's notes."""
 
     home: tuple[float, float] | None
-    """Latitude and longitude; the last one told."""
+    """Latitude and longitude of the last one noted."""
     marks: tuple[Mark, ...]
 
 
 def home_note(latitude_deg: float, longitude_deg: float) -> str:
-    """Write where the vehicle took off."""
+    """Format a note on where the vehicle took off."""
     return f"home at {latitude_deg:.7f}, {longitude_deg:.7f}"
 
 
 def vehicle_note(system_id: int, name: str = "") -> str:
-    """Write which vehicle a ground station's flight is of."""
+    """Format a note on the vehicle of a ground station's flight."""
     said = f", {name.strip()[:60]}" if name.strip() else ""
     return f"vehicle {system_id}{said}"
 
 
 def vehicle_of(notes: Iterable[tuple[int, str]]) -> str | None:
-    """Read which vehicle a flight is of, from `vehicle_note`; None where none is told."""
+    """Read the vehicle from such notes; None without one."""
     found = [text for _, text in notes if _VEHICLE.fullmatch(text)]
     return found[-1].removeprefix("vehicle ") if found else None
 
 
 def mark_note(latitude_deg: float, longitude_deg: float, text: str = "") -> str:
-    """Write a mark with its remark."""
+    """Format a note with a mark and its remark."""
     said = f": {text.strip()[:200]}" if text.strip() else ""
     return f"mark at {latitude_deg:.7f}, {longitude_deg:.7f}{said}"
 

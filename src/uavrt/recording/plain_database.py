@@ -1,6 +1,6 @@
-"""Open a flight's database that somebody else has made.
+"""Open flight databases of unknown origin safely.
 
-A view in place of a table may never finish, SQLite waits for a pipe beside the database, and a
+A view in place of a table may never finish, SQLite waits for a pipe next to the database, and a
 running query ignores Ctrl-C. A bad flight directory must affect only that flight.
 """
 
@@ -13,32 +13,31 @@ from collections.abc import Callable
 from pathlib import Path
 
 STEPS = 50_000
-"""Of SQLite's machine between two looks at the clock: some milliseconds."""
+"""Steps of SQLite's machine between two checks of the time: some milliseconds."""
 LONGEST_VALUE_BYTES = 16_000_000
-"""Of one value; the settings of a flight have some 10 kB."""
+"""Limit of one value; the settings of a flight have some 10 kB."""
 LONGEST_S = 120.0
-"""Of one use of a database; 100 000 pulses are read in one second."""
-_BESIDE = ("", "-wal", "-shm", "-journal")
+"""Limit of one use of a database [s]; 100 000 pulses are read in one second."""
+_SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
-"""Characters of one table's definition: a default in it is the value of every row."""
+"""Limit of one table's definition [characters]; a default in it can fill every row."""
 _ODD = (
     "SELECT name FROM sqlite_master WHERE type IN ('view', 'trigger') "
     f"OR sql LIKE 'CREATE VIRTUAL%' OR length(sql) > {LONGEST_DEFINITION} "
     "UNION ALL SELECT name FROM sqlite_master AS made WHERE type = 'table' "
     "AND EXISTS (SELECT 1 FROM pragma_table_xinfo(made.name) WHERE hidden > 1) LIMIT 1"
 )
-"""Finds what makes more values than are in the file: a view, a generated column, a default."""
+"""Finds definitions that make more values than the file holds: views, columns, defaults."""
 
 ended = threading.Event()
-"""Set when the program ends: queries end with it."""
+"""Set when the program ends, which ends queries."""
 
 
 def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
-    """Open a database for reading; only tables are in it, and no query runs forever.
+    """Open a database for reading; only tables are allowed, and queries end in time.
 
-    With ``"rw"`` as `mode` SQLite may fold what was not yet folded: for a copy.
-
-    Raises `sqlite3.Error`: it cannot be opened, is damaged, or is not what we write.
+    With ``"rw"`` as `mode` SQLite may fold in its log: for a copy. Raises `sqlite3.Error` if it
+    cannot be opened, is damaged, or is not one of ours.
     """
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
@@ -58,11 +57,8 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
 
 def require_plain_files(path: Path) -> None:
-    """Refuse a database of which a part would be waited for.
-
-    Raises `sqlite3.DatabaseError`: a pipe, a socket or a device is in the place of a file.
-    """
-    for suffix in _BESIDE:
+    """Raise `sqlite3.DatabaseError` if a pipe, socket or device is in the place of a file."""
+    for suffix in _SUFFIXES:
         try:
             mode = os.stat(f"{path}{suffix}").st_mode
         except OSError:
@@ -72,10 +68,10 @@ def require_plain_files(path: Path) -> None:
 
 
 def watch(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """Have queries end after a while, when the program ends, and by Ctrl-C."""
+    """End queries after a time limit, when the program ends, and on Ctrl-C."""
     database.set_progress_handler(_watcher(time.thread_time() + longest_s), STEPS)
 
 
 def _watcher(until_s: float) -> Callable[[], int]:
-    """Compare with this thread's time: a busy computer makes no query too long."""
+    """Use this thread's CPU time, so that a busy computer makes no query too long."""
     return lambda: int(ended.is_set() or time.thread_time() > until_s)

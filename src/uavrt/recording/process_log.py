@@ -4,17 +4,15 @@ from pathlib import Path
 
 MAX_BYTES = 2_000_000
 KEPT_FILES = 3
-"""Older files, ``name.log.1`` the youngest: with `MAX_BYTES`, 8 MB for each process."""
+"""Number of older files, ``name.log.1`` the newest; with `MAX_BYTES`, 8 MB for each process."""
 
 
 class ProcessLog:
     """A text log that is rotated by size.
 
-    A line that cannot be written (full disk) is counted, not raised: the log of a process is
-    never a reason to stop the process.
+    A line that cannot be written (full disk) is counted and does not stop the process.
 
-    `path`: the file; its directory is made.
-    `max_bytes`: size at which the file is put aside.
+    `path`: its directory is made. `max_bytes`: size at which the file is put aside.
     `kept_files`: how many are kept aside.
     """
 

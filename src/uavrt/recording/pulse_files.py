@@ -1,8 +1,7 @@
 """Pulses as JSON lines or CSV, one record each, with the field names of `FIELDS`.
 
-What is unknown is ``null`` in JSON and an empty cell in CSV; a number that is not finite is
-unknown too. In CSV the quaternion is one cell with four numbers between spaces, and so are the
-other tags that a pulse may be of.
+Unknown and non-finite values are ``null`` in JSON and empty cells in CSV. In CSV, a quaternion
+is one cell of four numbers with spaces, and so are the other tags that a pulse may be of.
 """
 
 import csv
@@ -30,12 +29,12 @@ _POSE = {
 PULSE_FIELDS = tuple(name for name, one in _PULSE.items() if not one.defaulted)
 POSE_FIELDS = tuple(_POSE)
 BURST_FIELDS = ("burst_starts_ns", "burst_snrs_db")
-"""Of bursts of coded tags; a file without such tags has none."""
+"""Fields of coded tags' bursts; a file without such tags has none."""
 _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Last, for programs that go by the place of a column; files of older versions have none."""
+"""Fields added last, for programs that read columns by place; older files have none."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
@@ -55,7 +54,7 @@ def pulse_record(pulse_pose: PulsePose) -> dict[str, Any]:
 
 
 def inside_record(burst: BurstInside) -> dict[str, Any]:
-    """What came after a burst, by field names, ready for JSON: a line of its own."""
+    """The content of a burst by field names, ready for JSON: a line of its own."""
     return {one.name: getattr(burst, one.name) for one in _INSIDE}
 
 
@@ -64,9 +63,9 @@ def _inside_from_record(record: dict[str, Any]) -> BurstInside:
 
 
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
-    """Pulse with pose of a record.
+    """Make a pulse with pose from a record.
 
-    Raises `ValueError` or `KeyError` or `TypeError`: a field is missing or of the wrong kind.
+    Raises `ValueError`, `KeyError` or `TypeError` if a field is missing or of the wrong kind.
     """
     pulse = Pulse(
         **{
@@ -80,7 +79,7 @@ def pulse_from_record(record: dict[str, Any]) -> PulsePose:
 
 
 def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
-    """Pose of a record; None where place or attitude is not known."""
+    """Pose of a record; None if place or attitude is unknown."""
     if record["quaternion_wxyz"] is None:
         return None
     pose = Pose(
@@ -98,16 +97,15 @@ def _finite_or_nan(value: Any) -> Any:
 
 
 def _has(record: dict[str, Any], one: RecordField) -> bool:
-    """Whether a record tells a field; what may be left out may be unknown, too."""
+    """Whether a record has a field; optional fields may be unknown."""
     return not one.defaulted or record.get(one.name) is not None
 
 
 class PulseWriter:
-    """Writes pulses to a text stream, a line at a time, so that a reader can follow.
+    """Writes pulses to a text stream line by line, so that a reader can follow.
 
-    `stream`: where to; the caller opens and closes it (files with ``newline=""``).
-    `form`: the format.
-    `bursts`: there are coded tags: CSV gets columns for the pulses in a burst.
+    `stream`: opened and closed by the caller (files with ``newline=""``). `bursts`: CSV gets
+    columns for the pulses of coded tags' bursts.
     """
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:
@@ -133,25 +131,23 @@ class PulseWriter:
         self.written += 1
 
     def write_inside(self, burst: BurstInside) -> None:
-        """Write what is inside a burst that was written before; in JSON lines alone."""
+        """Write the content of a burst written before; in JSON lines only."""
         self._stream.write(json.dumps(inside_record(burst), allow_nan=False) + "\n")
         self._stream.flush()
 
 
 def pulse_format(name: str) -> PulseFormat:
-    """Find the format by a file's name: CSV when it ends so, else JSON lines (also ``-``)."""
+    """Format by a file's name: CSV if it ends so, else JSON lines (also ``-``)."""
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 
 def read_pulse_file(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read pulses that `PulseWriter` wrote; an unfinished last line is passed over.
+    """Read pulses of `PulseWriter`; damaged lines are skipped.
 
-    Damaged lines among good ones are passed over, too, and told to `warn`, else in the log.
-    A byte order mark, as spreadsheets write it, is dropped.
-
-    Raises `FormatError`: the file cannot be read, or more lines are no pulses than are.
+    They are reported to `warn`, else logged; an unfinished last line and a byte order mark are
+    dropped. Raises `FormatError` if it is unreadable, or most lines are no pulses.
     """
     name = os.fspath(path)
     try:

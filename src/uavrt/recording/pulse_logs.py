@@ -11,7 +11,7 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_pose_log import PulsePoseLog, format_line
 
 _RETRY_S = 5.0
-"""A log that could not be written is completed from the database, not at every commit."""
+"""Time until a log that could not be written is completed from the database [s]."""
 
 AT_ONCE = 500
 _TEMPORARY_KIB = 512
@@ -40,8 +40,7 @@ PULSE_WIDTH = len(schema.PULSE_COLUMNS.split(", "))
 class PulseLogs:
     """``pulse_pose_log.txt`` of the flight and of each tag.
 
-    The database has every line already, so a failure here loses nothing: the logs are
-    completed from it as soon as the disk allows.
+    A failure here loses nothing: the logs are completed from the database once the disk allows.
     """
 
     def __init__(self, layout: FlightLayout) -> None:
@@ -51,16 +50,16 @@ class PulseLogs:
         self._retry_at_s = 0.0
 
     def take(self, pulse_poses: list[PulsePose]) -> None:
-        """Take what was just committed, for the next `write`."""
+        """Add what was just committed, for the next `write`."""
         self._new.extend(pulse_poses)
 
     def compare_first(self) -> None:
-        """Have the next `write` append only what a log lacks, by tag and time."""
+        """Let the next `write` append only what a log lacks, by tag and time."""
         self._behind = True
         self._retry_at_s = 0.0
 
     def write(self, database: sqlite3.Connection) -> None:
-        """Append what is new; on a failing disk remember that the logs are behind."""
+        """Append what is new; if that fails, note that the logs are behind."""
         if not self._new and not self._behind:
             return
         if self._behind:
@@ -77,15 +76,15 @@ class PulseLogs:
             self._retry_at_s = monotonic_s() + _RETRY_S
 
     def sync(self) -> None:
-        """Bring the flight's log to the disk itself; a tag's own can be made again from it."""
+        """Sync the flight's log to the disk; a tag's own can be made again from it."""
         with contextlib.suppress(OSError):
             PulsePoseLog(self._layout.pulse_pose_log).sync()
 
     def complete_from(self, database: sqlite3.Connection) -> None:
         """Cut off unfinished lines and append what the database has and a log lacks.
 
-        Raises `OSError`: a log cannot be written.
-        Raises `sqlite3.Error`: the database cannot be read.
+        Raises `OSError` if a log cannot be written, `sqlite3.Error` if the database cannot be
+        read.
         """
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)
@@ -109,8 +108,7 @@ class PulseLogs:
     ) -> None:
         """Append what a log lacks; of one tag, or of all.
 
-        In memory that does not grow with the flight: what the log has is compared in a table
-        that SQLite keeps in a temporary file.
+        SQLite compares in a temporary file, so memory does not grow with the flight.
         """
         log.repair()
         with _keys_of(log, database):
@@ -126,7 +124,7 @@ class PulseLogs:
 
 @contextlib.contextmanager
 def _keys_of(log: PulsePoseLog, database: sqlite3.Connection) -> Iterator[None]:
-    """Have tag and start of all lines of a log in the table `logged`."""
+    """Put tag and start of all lines of a log into the table `logged`."""
     database.execute(f"PRAGMA temp.cache_size=-{_TEMPORARY_KIB}")
     try:
         _fill(log, database)

@@ -61,7 +61,7 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers the groups of each tag: one begins where the place within it does not rise."""
+    """Numbers each tag's groups: a new one begins where the index within it does not rise."""
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}
@@ -76,12 +76,10 @@ class _Groups:
 
 
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
-    """Read one line, ours or the thesis's.
+    """Read one line, ours or the thesis's; raises `ValueError` otherwise.
 
-    What the 23 columns lack: `group_sequence` is the caller's, the rate is 1, noise and
+    Missing in the 23 columns: `group_sequence` is the caller's, the rate is 1, noise and
     relative altitude are NaN.
-
-    Raises `ValueError`: it is not such a line.
     """
     fields = [field.strip() for field in line.split(",")]
     while len(fields) > COLUMNS and not fields[-1]:
@@ -120,11 +118,10 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
 def read_pulse_pose_log(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read a whole log; a line that a power cut left unfinished at the end is passed over.
+    """Read a whole log; damaged lines and an unfinished last line are skipped.
 
-    Damaged lines among good ones are passed over, too, and told to `warn`, else in the log.
-
-    Raises `FormatError`: the file cannot be read, or more lines are no pulses than are.
+    Damaged lines are reported to `warn`, else logged. Raises `FormatError` if it is unreadable,
+    or most lines are no pulses.
     """
     try:
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
@@ -153,19 +150,13 @@ def read_pulse_pose_log(
 
 
 class PulsePoseLog:
-    """Appends lines to a log as a whole or not at all.
-
-    `path`: the log; made when the first line comes.
-    """
+    """Appends lines to a log as a whole or not at all; `path` is made with the first line."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def append(self, lines: Iterable[str]) -> None:
-        """Append lines; on failure the file is cut back to what it was.
-
-        Raises `OSError`: the disk is full or cannot be written.
-        """
+        """Append lines, or cut the file back to what it was; raises `OSError` if that fails."""
         content = memoryview("".join(lines).encode())
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         try:
@@ -180,10 +171,7 @@ class PulsePoseLog:
             os.close(file)
 
     def sync(self) -> None:
-        """Bring what was appended to the disk itself.
-
-        Raises `OSError`: the disk fails.
-        """
+        """Sync the log to the disk; raises `OSError` if that fails."""
         if self._path.exists():
             file = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
             try:
@@ -192,10 +180,7 @@ class PulsePoseLog:
                 os.close(file)
 
     def repair(self) -> None:
-        """Cut off an unfinished last line.
-
-        Raises `OSError`: the file cannot be read or written.
-        """
+        """Cut off an unfinished last line; raises `OSError` if that fails."""
         if not self._path.exists():
             return
         size = whole = self._path.stat().st_size
@@ -212,10 +197,7 @@ class PulsePoseLog:
             os.truncate(self._path, whole)
 
     def keys(self) -> Iterator[tuple[int, int]]:
-        """Return tag id and start time [ns] of every line, one after the other.
-
-        Raises `OSError`: the file cannot be read.
-        """
+        """Yield tag id and start time [ns] of every line; raises `OSError`."""
         for line in self._lines():
             fields = line.split(b",", 4)
             try:
@@ -226,17 +208,14 @@ class PulsePoseLog:
                 yield key
 
     def pulse_poses(self) -> Iterator[PulsePose]:
-        """Return every line that is a pulse, one after the other, its groups numbered.
-
-        Raises `OSError`: the file cannot be read.
-        """
+        """Yield every pulse with its group numbered; raises `OSError`."""
         groups = _Groups()
         for line in self._lines():
             with contextlib.suppress(ValueError, OverflowError):
                 yield groups.numbered(parse_line(line.decode("utf-8", "replace")))
 
     def _lines(self) -> Iterator[bytes]:
-        """Return the lines; what is too long for one comes in pieces, which are none."""
+        """Yield the lines; one that is too long comes in pieces that do not parse."""
         if not self._path.exists():
             return
         with self._path.open("rb") as file:
@@ -266,7 +245,7 @@ def _frequency_hz(megahertz: str) -> float:
 
 def _pose(fields: list[str], time_ns: int) -> Pose | None:
     latitude, longitude, altitude, x, y, z, w = map(float, fields)
-    # A quaternion of zeros is the thesis's word for "no telemetry yet".
+    # In the thesis's logs a quaternion of zeros means "no telemetry yet".
     if not is_attitude((w, x, y, z)):
         return None
     place = place_on_earth(latitude, longitude)

@@ -1,8 +1,7 @@
-"""How loud a receiver was at rest in past flights: what the noise of today is compared with.
+"""Noise of a receiver at rest in past flights, to compare today's noise with.
 
-A receiver does not tell watts, and what is normal differs from drone to drone. So its own
-flights say it: by the noise before take-off, with the motors off, or else by a flight's lowest
-tenth.
+A receiver reports no watts, and normal levels differ between drones. So the reference is the
+noise before take-off, with the motors off, or else a flight's lowest tenth.
 """
 
 import os
@@ -16,10 +15,10 @@ from uavrt.errors import FormatError
 from uavrt.recording.flight_reader import flight_database
 
 MOST_FLIGHTS = 10
-"""The newest: receivers and gains change over the years."""
+"""Newest flights used, since receivers and gains change over the years."""
 _IN_THE_AIR_M = 2.0
 _LEAST = 3
-"""Values from which a median is one."""
+"""Least number of values for a median."""
 _NOISE = (
     "SELECT tag_id, time_ns, noise_psd FROM search_reports WHERE noise_psd > 0 UNION ALL"
     " SELECT tag_id, start_time_ns, noise_psd FROM pulses WHERE noise_psd > 0"
@@ -27,33 +26,33 @@ _NOISE = (
 
 
 def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
-    """Read how loud a flight's receiver was at rest, median over its tags [dB].
+    """Noise of a flight's receiver at rest, median over its tags [dB re receiver units/Hz].
 
-    In decibels of the receiver's own units per hertz. None for what never left the ground: a
-    check on the bench does not say what is normal.
-
-    Raises `FormatError`: there is no flight, or its database is damaged.
+    None for one that never flew, such as a bench check. Raises `FormatError` if there is no
+    flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         (taken_off_ns,) = database.execute(
             "SELECT min(time_ns) FROM poses WHERE altitude_relative_m > ?", (_IN_THE_AIR_M,)
         ).fetchone()
         rows = [] if taken_off_ns is None else database.execute(_NOISE).fetchall()
-        told: dict[int, list[tuple[int, float]]] = {}
+        levels: dict[int, list[tuple[int, float]]] = {}
         for tag_id, time_ns, noise_psd in rows:
             if isfinite(noise_psd):
-                told.setdefault(tag_id, []).append((time_ns, 10.0 * log10(noise_psd)))
-        return median(_quiet_db(one, taken_off_ns) for one in told.values()) if told else None
+                levels.setdefault(tag_id, []).append((time_ns, 10.0 * log10(noise_psd)))
+        return (
+            median(_quiet_db(one, taken_off_ns) for one in levels.values()) if levels else None
+        )
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
-    """Take the median of flights, the newest first [dB]; None where no flight tells."""
+    """Median over flights, the newest first [dB]; None without any value."""
     known = list(islice((one for one in levels_db if one is not None), MOST_FLIGHTS))
     return median(known) if known else None
 
 
 def read_usual_noise_db(directories: Iterable[Path]) -> float | None:
-    """Read the usual noise of flights, the newest first; damaged ones tell nothing."""
+    """Read the usual noise of flights, the newest first; damaged ones are skipped."""
     return usual_noise_db(_levels_db(directories))
 
 
@@ -65,9 +64,9 @@ def _levels_db(directories: Iterable[Path]) -> Iterator[float | None]:
             continue
 
 
-def _quiet_db(told: list[tuple[int, float]], taken_off_ns: int) -> float:
-    before = [level_db for time_ns, level_db in told if time_ns < taken_off_ns]
+def _quiet_db(timed: list[tuple[int, float]], taken_off_ns: int) -> float:
+    before = [level_db for time_ns, level_db in timed if time_ns < taken_off_ns]
     if len(before) >= _LEAST:
         return median(before)
-    levels = [level_db for _, level_db in told]
+    levels = [level_db for _, level_db in timed]
     return quantiles(levels, n=10, method="inclusive")[0] if len(levels) > 1 else levels[0]

@@ -1,4 +1,4 @@
-"""One SigMF recording while it is written: its samples, and metadata true at any moment."""
+"""A SigMF recording being written: samples, and metadata that is valid at any moment."""
 
 import json
 import os
@@ -17,25 +17,21 @@ from uavrt.units import ns_from_s
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
 _LEAST_MOVE_NS = 1_000_000
-"""Less is not worth another write to the disk."""
+"""Smallest clock correction that is written to the metadata [ns]."""
 
 
 class SampleFile:
     """``NAME.sigmf-data`` (cs16, or ci8) and ``NAME.sigmf-meta``.
 
-    The metadata is valid JSON and describes all samples of the data file at any moment, also
-    after a kill and, with `sync`, after a power cut.
+    The metadata describes all samples of the data file at any moment, also after a kill and,
+    with `sync`, after a power cut.
 
-    `base`: directory and NAME, without a suffix; the directory is made.
-    `sample_rate_hz`, `center_frequency_hz`: of the samples that will come [Hz].
-    `description`, `hardware`: for the metadata.
-    `full_scale`: input that is stored as 32 768, of 8 bits as 128.
-    `sync`: wait for the disk with each change of the metadata.
-    `bits`: of I and of Q: 16, or 8 with `append_stored` alone.
-    `settled_after_s`: the clock of a radio that has just begun is corrected for so long: then,
-    or where its stretch ends before, the stretch gets the time that its samples have by then.
-    Raises `FileExistsError`: the samples would be appended to another recording.
-    Raises `OSError`: the files cannot be made.
+    `base`: directory and NAME, without a suffix; the directory is made. `description`,
+    `hardware`: for the metadata. `full_scale`: input that is stored as 32 768, of 8 bits as
+    128. `sync`: wait for the disk with each change of the metadata. `bits`: of I and of Q: 16,
+    or 8 with `append_stored` alone. `settled_after_s`: time in which a new radio's clock is
+    corrected; then, or where its stretch ends before, the stretch is dated again. Raises
+    `FileExistsError` for another recording's file, `OSError` if the files cannot be made.
     """
 
     def __init__(
@@ -66,7 +62,7 @@ class SampleFile:
         self._sync = sync
         self._settled_after_s = settled_after_s
         self._moved_ns: int | None = None
-        """What the clock was corrected by since the stretch began; None once it is settled."""
+        """Clock correction since the stretch began [ns]; None once it has settled."""
         self._stretches: list[Stretch] = []
         self._next_index: int | None = None
         if self.data_path.is_file():
@@ -78,7 +74,7 @@ class SampleFile:
 
     @property
     def gaps(self) -> int:
-        """Stretches after the first."""
+        """Number of stretches after the first."""
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
@@ -88,13 +84,11 @@ class SampleFile:
     def append_stored(
         self, values: NDArray[np.int16] | NDArray[np.int8], sample_index: int, time_ns: int
     ) -> None:
-        """Write samples that are scaled and rounded already, as a whole, or none.
+        """Write scaled and rounded samples as a whole, or none.
 
-        `values`: I and Q interleaved, contiguous.
-        `sample_index`: of the first in the radio's stream: what does not continue the samples
-        before begins a stretch.
-        `time_ns`: of the first [ns, UTC].
-        Raises `OSError`: nothing was written; what comes next begins a stretch.
+        `values`: I and Q interleaved, contiguous. `sample_index`: of the first in the radio's
+        stream; a jump begins a stretch. `time_ns`: of the first [ns, UTC]. Raises `OSError` if
+        nothing was written; then the next samples begin a stretch.
         """
         count = values.size // 2
         try:
@@ -110,7 +104,7 @@ class SampleFile:
         self._next_index = sample_index + count
 
     def break_off(self) -> None:
-        """Begin a stretch with what comes next."""
+        """Let the next samples begin a stretch."""
         self._next_index = None
 
     def close(self) -> None:
@@ -121,7 +115,7 @@ class SampleFile:
         os.close(self._file)
 
     def _follow_clock(self, sample_index: int, time_ns: int) -> None:
-        """See how the clock was corrected, and once it has settled, correct the stretch."""
+        """Track the clock's correction, and date the stretch again once it has settled."""
         last = self._stretches[-1]
         lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
         self._moved_ns = time_ns - last.time_ns - ns_from_s(lasts_s)
@@ -129,7 +123,7 @@ class SampleFile:
             self._write_metadata()
 
     def _place_stretch(self) -> bool:
-        """Give the last stretch the time that its newest samples show; whether it moved."""
+        """Date the last stretch by its newest samples; whether it moved."""
         moved_ns, self._moved_ns = self._moved_ns, None
         if moved_ns is None or abs(moved_ns) < _LEAST_MOVE_NS:
             return False
@@ -138,10 +132,9 @@ class SampleFile:
         return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
-        """Report where the samples that follow belong, before they are written.
+        """Note a stretch in the metadata before its samples are written.
 
-        In this order a power cut leaves at worst a last capture without samples, never samples
-        at a wrong time.
+        So a power cut leaves at worst a capture without samples, never samples at a wrong time.
         """
         stretch = Stretch(
             sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
@@ -167,10 +160,7 @@ class SampleFile:
         write_atomically(self.metadata_path, text, sync=self._sync)
 
     def _as_int16(self, samples: NDArray[np.complex64]) -> NDArray[np.int16]:
-        """Interleaved I and Q, rounded; beyond full scale at its edge, counted.
-
-        float32 throughout: its 24 bits hold every int16.
-        """
+        """Interleaved I and Q, rounded; values beyond full scale are limited and counted."""
         factor = np.float32(FULL_SCALE[16] / self.full_scale)
         scaled = np.ascontiguousarray(samples).view(np.float32) * factor
         np.rint(scaled, out=scaled)
@@ -193,7 +183,7 @@ class SampleFile:
 
 
 class FreeSpace:
-    """Whether a disk has room beside what must stay free [MB]; measured once a second."""
+    """Whether a disk has more than its required free space [MB]; measured once a second."""
 
     def __init__(self, directory: Path, minimum_free_mb: float) -> None:
         self._directory = directory
@@ -202,7 +192,7 @@ class FreeSpace:
         self._free = True
 
     def enough(self) -> bool:
-        """Whether there is room; none where it cannot be measured."""
+        """Whether there is room; False if it cannot be measured."""
         now_s = monotonic_s()
         if now_s - self._checked_s >= _FREE_SPACE_PERIOD_S:
             self._checked_s = now_s
@@ -210,7 +200,7 @@ class FreeSpace:
         return self._free
 
     def room_bytes(self) -> int:
-        """Measure what may still be written; nothing where it cannot be measured."""
+        """Bytes that may still be written; 0 if it cannot be measured."""
         try:
             status = os.statvfs(self._directory)
         except OSError:

@@ -1,7 +1,7 @@
 """Tables of ``flight.sqlite``, and records to rows and back.
 
-Times are nanoseconds UTC, units stand in the names, absence is NULL. No column forbids NULL
-where a float may be NaN (SQLite stores NaN as NULL): one odd record must not bar the others.
+Times are nanoseconds UTC, units stand in the names, absence is NULL. Columns that may be NaN
+allow NULL, as which SQLite stores it: one odd record must not block the others.
 """
 
 import json
@@ -43,9 +43,9 @@ _COLUMNS = {
     "tags": {"gaps_s": "TEXT"},
     "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
 }
-"""Those that older versions may lack, with their types."""
+"""Columns that older versions may lack, with their types."""
 PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
-"""The fields of a pulse; what older flights lack of them is NULL."""
+"""The fields of a pulse; older flights read those they lack as NULL."""
 _BEEP_FIELDS = fields_of(Beep)
 BEEP_COLUMNS = ", ".join(one.name for one in _BEEP_FIELDS)
 _BEEP_TYPES = {one.name: SQL_TYPES[one.kind] for one in _BEEP_FIELDS}
@@ -133,7 +133,7 @@ INSERT_COMMAND = insertion(
 INSERT_SEARCH_REPORT = insertion("search_reports", SEARCH_REPORT_COLUMNS)
 INSERT_BEEP = insertion("beeps", BEEP_COLUMNS)
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
-"""Those that people ask for; the whole record is in ``detail``."""
+"""Columns for queries; the whole record is in ``detail``."""
 INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
 INSERT_DELIVERY = (
     "INSERT OR IGNORE INTO deliveries (pulse_id, store, time_ns) "
@@ -155,10 +155,7 @@ SELECT_POSES = (
 
 
 def bring_up_to_date(database: sqlite3.Connection) -> None:
-    """Make the tables of a flight, or add what an older version of them lacks.
-
-    Raises `sqlite3.Error`: the database cannot be written.
-    """
+    """Make the tables of a flight, or add columns of newer versions; raises `sqlite3.Error`."""
     database.executescript(TABLES)
     for table, columns in _lacking(database).items():
         for column in columns:
@@ -168,20 +165,17 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
 
 
 def read_older(database: sqlite3.Connection) -> None:
-    """Let a connection that only reads find, as NULL, what an older version lacks.
-
-    Raises `sqlite3.Error`: the database cannot be read.
-    """
+    """Let a read-only connection read missing columns as NULL; raises `sqlite3.Error`."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     for table, columns in _lacking(database).items() if version < VERSION else ():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)
         database.execute("PRAGMA temp_store=MEMORY")
-        # What is temporary comes before what is stored under the same name.
+        # Temporary views take precedence over tables of the same name.
         database.execute(f"CREATE TEMP VIEW {table} AS SELECT *, {nulls} FROM main.{table}")
 
 
 def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
-    """Columns that its tables lack; of a table that is not there none."""
+    """Columns missing in its tables; none for a missing table."""
     names = " UNION ALL ".join(
         f"SELECT '{table}', name FROM pragma_table_info('{table}', 'main')"
         for table in _COLUMNS
@@ -211,15 +205,15 @@ def pulse_row(pulse: Pulse) -> Row:
 
 
 def inside_row(burst: BurstInside) -> Row:
-    """What `UPDATE_INSIDE` needs."""
+    """Values for `UPDATE_INSIDE`."""
     to_sql = {one.name: one.to_sql for one in _PULSE_FIELDS if one.to_sql}
     return (*(to_sql[name](getattr(burst, name)) for name in _INSIDE), *burst.key)
 
 
 def pulse_from_row(row: Row) -> Pulse:
-    """Pulse of a row; a number that was NaN is NaN again.
+    """Pulse of a row; raises `ValueError` or `TypeError` if it is none.
 
-    Raises `ValueError` or `TypeError` where it is none. A status of a newer version is kept.
+    NULL in a real column is NaN; a status of a newer version is kept.
     """
     values = list(row)
     for place in _REALS:
@@ -279,7 +273,7 @@ def tag_row(tag: Tag) -> Row:
 
 
 _numbers = lru_cache(maxsize=256)(json.loads)
-"""Tags of thousands of flights have the same few intervals."""
+"""Parse numbers, cached: tags of thousands of flights have the same few intervals."""
 
 
 def tag_from_row(row: Row) -> Tag:
@@ -298,11 +292,11 @@ def tag_from_row(row: Row) -> Tag:
 
 
 search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
-"""Row of "searched, nothing found", in the order of `SEARCH_REPORT_COLUMNS`."""
+"""Row of a search without a detection, in the order of `SEARCH_REPORT_COLUMNS`."""
 
 
 def search_report_from_row(row: Row) -> SearchReport:
-    """Report of a row; a number that was NaN is NaN again. Raises `ValueError`: it is none."""
+    """Report of a row, NULL as NaN; raises `ValueError` if it is none."""
     record = dict(zip(SEARCH_REPORT_COLUMNS.split(", "), row, strict=True))
     for name in ("frequency_hz", "noise_psd", "best_score"):
         record[name] = _number(record[name])
@@ -310,13 +304,13 @@ def search_report_from_row(row: Row) -> SearchReport:
 
 
 def beep_row(beep: Beep) -> Row:
-    """Row of a sender of pulses, in the order of `BEEP_COLUMNS`."""
+    """Row of a beeping sender, in the order of `BEEP_COLUMNS`."""
     values = ((one, getattr(beep, one.name)) for one in _BEEP_FIELDS)
     return tuple(one.to_sql(value) if one.to_sql else value for one, value in values)
 
 
 def beep_from_row(row: Row) -> Beep:
-    """Sender of pulses of a row; raises `ValueError` where it is none."""
+    """Beeping sender of a row; raises `ValueError` if it is none."""
     values = {
         one.name: one.from_sql(cell) if one.from_sql else cell
         for one, cell in zip(_BEEP_FIELDS, row, strict=True)
@@ -336,13 +330,13 @@ def search_note_from_row(row: Row) -> SearchNote:
 
 
 def health_row(health: Health) -> Row:
-    """Row of a sign of life."""
+    """Row of a health record."""
     counters = json.dumps(health.counters)
     return (health.time_ns, health.process, health.status, int(health.ok), counters)
 
 
 def health_from_row(row: Row) -> Health:
-    """Sign of life of a row; raises `ValueError` or `TypeError` where it is none."""
+    """Health record of a row; raises `ValueError` or `TypeError` if it is none."""
     time_ns, process, status, ok, counters = row
     fields = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
     return msgspec.convert(fields | {"counters": json.loads(counters)}, Health)

@@ -14,7 +14,7 @@ from uavrt.clock import iso_utc
 from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 
 FULL_SCALE = {8: 128.0, 16: 32_768.0}
-"""By bits: an input of 1.0 is stored as one less, and readers divide by this."""
+"""Full scale by bits: an input of 1.0 is stored as one less; readers divide by this."""
 _DATATYPES = {8: "ci8", 16: "ci16_le"}
 
 
@@ -80,7 +80,7 @@ def sigmf_metadata(
 
 
 def _own_scale(full_scale: float) -> dict[str, Any]:
-    """Entries of the global part that say what a stored value means; none for the usual."""
+    """Entries of the global part for another scale than the usual one."""
     if full_scale == 1.0:
         return {}
     extension = {"name": "uavrt", "version": "1.0.0", "optional": True}

@@ -1,7 +1,7 @@
-"""Which recorded pulses have not reached the ground; the flight's database is the spool.
+"""Recorded pulses that have not reached the ground; the flight's database is the spool.
 
-Nothing is kept twice: what was not delivered is read from the recorded pulses, and a delivery
-is a row beside its pulse.
+A delivery is a row linked to its pulse, and a pulse without one is read from the recorded
+pulses.
 """
 
 import sqlite3
@@ -28,15 +28,12 @@ _UNDELIVERED = (
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Get recorded pulses that a store does not have, the newest first.
+    """Get recorded pulses that a store lacks, the newest first.
 
-    `directory`: the flight.
-    `store`: number of the store; 0: those that no station was sent or has. What an aware ground
-    station has in its store is not sent to plain ones after a restart: it would be old to them.
-    `limit`: how many at most.
-    `without`: tag id and start time of pulses to leave out.
-    Returns: the pulses; and whether there are more.
-    Raises `RecordingError`: the database cannot be read.
+    `directory`: the flight. `store`: number of the store; 0: pulses no station was sent or has:
+    after a restart, plain stations get no old pulses. `limit`: how many at most. `without`: tag
+    id and start time of pulses to leave out. Returns the pulses, and whether there are more.
+    Raises `RecordingError` if the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:
@@ -58,10 +55,7 @@ def undelivered(
 
 
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
-    """Note deliveries in a flight that nobody writes any more.
-
-    Raises `RecordingError`: the database cannot be written.
-    """
+    """Note deliveries in a closed flight; raises `RecordingError` if it cannot be written."""
     path = FlightLayout(Path(directory)).database
     rows = [
         (delivered.store, delivered.time_ns, tag_id, start_time_ns)

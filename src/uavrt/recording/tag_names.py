@@ -1,8 +1,7 @@
-"""Names of tags that the drone was never told: those of the ground station's list.
+"""Names of a flight's tags, from the ground station's list.
 
-The list that goes to the drone has numbers alone (the thesis's tag message has no room for a
-name), so a flight as the drone recorded it knows its tags by id and frequency. The ground
-station keeps the operator's list in its directory, ``tags.toml``.
+The thesis's tag message has no name, so a drone's flight knows tags by id and frequency. The
+ground station keeps the operator's list in its directory, ``tags.toml``.
 """
 
 import os
@@ -15,14 +14,13 @@ from uavrt.errors import UavrtError
 from uavrt.messages import Tag
 
 _SAME_HZ = 500.0
-"""A list in which an id has since been given to another tag names nothing."""
+"""Largest difference of frequencies [Hz]; beyond it the id now belongs to another tag."""
 
 
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:
-    """Name tags without a name as the ground station's list near their flight does.
+    """Name unnamed tags by the ground station's list near their flight.
 
-    `tags`: as the flight has them.
-    `directory`: of the flight: the list is beside it, or in ``ground`` beside it.
+    `directory`: of the flight; the list is in the same folder, or in ``ground`` there.
     """
     listed = tuple(tags)
     if all(tag.name for tag in listed):
@@ -39,7 +37,7 @@ def _named(tag: Tag, known: dict[int, Tag]) -> Tag:
 
 
 def _near(directory: Path) -> tuple[Tag, ...]:
-    """The list that the ground station keeps; none where there is none that can be read."""
+    """The ground station's list; empty without a readable one."""
     above = os.path.dirname(os.path.abspath(directory))
     for path in (f"{above}/tags.toml", f"{above}/ground/tags.toml"):
         if os.path.isfile(path):

@@ -12,15 +12,15 @@ POLL_S = 0.05
 class WriterLock:
     """A lock on a flight's directory; it leaves no file.
 
-    The recorder of a supervisor that was killed may still be bringing its last pulses to the
-    disk while the next one begins: that one waits here.
+    The recorder of a killed supervisor may still be writing its last pulses when the next one
+    begins, which then waits here.
     """
 
     def __init__(self) -> None:
         self._descriptor: int | None = None
 
     def take(self, directory: Path, wait_s: float) -> bool:
-        """Take the lock, waiting for it if need be; False when another still has it."""
+        """Take the lock, waiting if necessary; False if another process still has it."""
         self.release()
         deadline_s = time.monotonic() + wait_s
         with contextlib.suppress(OSError):

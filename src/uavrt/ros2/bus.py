@@ -1,4 +1,4 @@
-"""The ROS 2 side as the gateway needs it: `uavrt.ros2.dds.Participant`, or a test's."""
+"""Interface of the ROS 2 side for the gateway: `uavrt.ros2.dds.Participant`, or a test's."""
 
 from collections.abc import Collection
 from typing import Protocol
@@ -17,7 +17,7 @@ class Bus(Protocol):
         """Send a message."""
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Have a node that publishes pulses for each of these, and for no others."""
+        """Keep one publishing node for each of these detectors, and no others."""
 
     def reply(self, message: ServiceMessage) -> None:
         """Send the reply of a service."""

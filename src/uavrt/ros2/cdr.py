@@ -39,10 +39,7 @@ Encoder = Callable[[bytearray, Any], None]
 
 
 def encode(message: RosMessage) -> bytes:
-    """Write a message as little-endian CDR, header included.
-
-    Raises `FormatError`: a number does not fit its field.
-    """
+    """Write a message as little-endian CDR; raises `FormatError` if a number does not fit."""
     data = bytearray(_LITTLE)
     try:
         _encoder(type(message))(data, message)
@@ -98,7 +95,7 @@ def _flat_fields(message: type[RosMessage], prefix: str = "") -> Iterator[tuple[
 
 
 def _numbers_encoder(codes: Sequence[str], paths: Sequence[str]) -> Encoder:
-    """Write a run of numbers; where each stands depends on where the run begins."""
+    """Write a run of numbers, whose places depend on where the run begins."""
     packs = [struct.Struct("<" + _aligned(codes, phase)).pack for phase in range(8)]
     get = attrgetter(*paths)
     if len(paths) == 1:
@@ -173,9 +170,7 @@ def _write_string(data: bytearray, value: str) -> None:
 def decode(message: type[M], data: bytes) -> M:
     """Read a message from CDR of either byte order, header included.
 
-    Bytes from a network may be anything: lengths are checked before they are believed.
-
-    Raises `FormatError`: the bytes are not such a message.
+    Lengths are checked before use. Raises `FormatError` if the bytes are not such a message.
     """
     if data[:2] not in (_LITTLE[:2], _BIG[:2]):
         raise FormatError(f"not CDR: begins with {data[:4].hex()}")

@@ -30,7 +30,7 @@ UNKNOWN_POSE = RosPose(
     position=Point(x=math.nan, y=math.nan, z=math.nan),
     orientation=Quaternion(x=math.nan, y=math.nan, z=math.nan, w=math.nan),
 )
-"""Absence is never zero, and ROS 2 has no null."""
+"""Pose with NaN for unknown values: ROS 2 has no null."""
 
 
 def time_to_ros(time_ns: int | None) -> Time:
@@ -97,12 +97,9 @@ def burst_to_ros(pulse: Pulse, detector_dir: str) -> RosBurst:
 def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
     """Read a pulse that a detector on another computer has published.
 
-    What the message cannot carry is filled in: a noise power of 0 (not told, as in the
-    original's datagrams: bearings then go without it), the first rate, and `sequence` as the
-    number of the group.
-
-    Raises `FormatError`: a value that no detector finds: no time, no frequency, an SNR that is
-    not finite.
+    Fields missing in the message: a noise power of 0 (unknown, so bearings do without it), the
+    first rate, and `sequence` as the number of the group. Raises `FormatError` for an
+    impossible pulse: no time, no frequency, an SNR that is not finite.
     """
     start_ns, end_ns = time_from_ros(message.start_time), time_from_ros(message.end_time)
     numbers = (message.frequency, message.snr, message.group_snr, message.stft_score)
@@ -197,10 +194,7 @@ _QUANTITIES: dict[str, Quantity] = {
 
 
 def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
-    """Read a tag by the same rules as a tag file.
-
-    Raises `FormatError`: a value that makes no sense; the text names the field.
-    """
+    """Read a tag by the rules of a tag file; raises `FormatError`, naming the field."""
     gaps = None
     if isinstance(message, RosCodedTag):
         gaps = tuple(Entry(number=gap, label="gaps", line=0) for gap in message.gaps)

@@ -5,7 +5,7 @@ with the binding, was found by experiment against ROS 2 Jazzy:
 
 - topics have the prefix ``rt/``, types the infix ``::msg::dds_::``, participants the user data
   ``enclave=/;``, endpoints their type hash;
-- node names come from ``ros_discovery_info``, written anew whenever an endpoint is added;
+- node names come from ``ros_discovery_info``, rewritten whenever an endpoint is added;
 - samples are read by one thread with a wait set: listeners of the binding deadlock;
 - writers keep the last few messages: with "keep all" a stopped subscriber stops the writer.
 
@@ -70,28 +70,28 @@ log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
-"""A write gives up after this; with few messages kept it never has to wait in practice."""
+"""Time limit of a write [ms]; with few messages kept it never waits in practice."""
 SAMPLE_MB = 4
-"""Longest message that DDS puts together [MB], a multiple of what any topic may bring; of a
-longer one it drops each part as it comes and writes a warning."""
+"""Longest message that DDS assembles [MB], a multiple of any topic's. It drops each part of a
+longer one as it comes and writes a warning."""
 READER_DEPTH = 4000
-"""Messages of a topic that may wait in its reader: those of 0.4 s at 10 000 a second. Further
-ones replace the oldest."""
+"""Most messages of a topic that wait in its reader: 0.4 s at 10 000 a second. Further ones
+replace the oldest."""
 PASSES = 3
 """Most passes over all readers in one round, while messages wait for the next pass."""
 ANNOUNCED_LIMIT = 2000
-"""Participants and publishers taken in at once."""
+"""Most participants and publishers taken in at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
-"""Rest of the reading thread after each round: a flood is read in few large portions."""
+"""Pause of the reading thread after each round [s]; a flood is read in large portions."""
 ORDER_OF_USE = {
     "store_tag_information": 0,
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Among messages of the same nanosecond tags come first, and their release before a start."""
+"""Order of messages of the same nanosecond: tags first, and their release before a start."""
 GOODBYE_S = 0.2
-"""Time for the empty list of nodes to be acknowledged; then the nodes vanish at once."""
+"""Wait for the acknowledgement of the empty list of nodes [s]; then they vanish at once."""
 
 
 Reach = Literal["interfaces", "computer", "off"]
@@ -157,10 +157,7 @@ def _plain_type(primitive: str) -> Any:
 
 
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
-    """Get the ROS domain: from the settings, else from ROS_DOMAIN_ID, else 0.
-
-    Raises `ConfigError`: ROS_DOMAIN_ID is not a domain.
-    """
+    """ROS domain: of the settings, else ROS_DOMAIN_ID, else 0; raises `ConfigError`."""
     if settings.domain_id is not None:
         return settings.domain_id
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
@@ -172,11 +169,10 @@ def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
 
 
 def reach_of(environment: Mapping[str, str]) -> Reach:
-    """Get how far ROS 2's own variables let us be seen: at most as far as `interfaces` says.
+    """Reach that ROS 2's own variables allow, at most that of `interfaces`.
 
-    ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2.
-
-    Raises `ConfigError`: ROS_AUTOMATIC_DISCOVERY_RANGE is not a range.
+    ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2. Raises
+    `ConfigError` if the latter is invalid.
     """
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
         return "computer"
@@ -201,9 +197,8 @@ def cyclone_config(
 ) -> str:
     """Write Cyclone DDS's configuration: the loopback, and these interfaces.
 
-    The loopback is always in it, and named as a peer: else ROS 2 on the same computer, when it
-    is itself bound to the loopback, is not found. Only who has the
-    same tag finds another.
+    The loopback is always in it, and named as a peer, so that ROS 2 bound to it is found. Only
+    participants with the same tag find each other.
     """
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
@@ -263,7 +258,7 @@ def _writer_qos(
 
 
 def _user_data(qos: Any) -> bytes:
-    """Get what a participant says of itself; empty if it says nothing."""
+    """User data of a participant; empty without any."""
     if qos is None or Policy.Userdata not in qos:
         return b""
     return bytes(qos[Policy.Userdata].data)
@@ -272,14 +267,11 @@ def _user_data(qos: Any) -> bytes:
 class Participant:
     """Our nodes and their endpoints on the network.
 
-    `settings`: interfaces, domain, namespace, size of identifiers.
-    `environment`: ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE;
-    CYCLONEDDS_URI, which replaces our configuration of the network.
-    `nodes`: of `uavrt.ros2.graph.NODES`: a lone detector on another computer is one of them.
-    `names`: names that nodes have in place of those of the table.
-    Raises `ConfigError`: ROS_DOMAIN_ID is not a domain, or ROS_AUTOMATIC_DISCOVERY_RANGE not a
-    range.
-    Raises `LinkError`: the network cannot be used like this.
+    `settings`: interfaces, domain, namespace, size of identifiers. `environment`:
+    ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI, which
+    replaces our configuration of the network. `nodes`: of `uavrt.ros2.graph.NODES`; one of them
+    for a detector on another computer. `names`: replace the table's names of nodes. Raises
+    `ConfigError` for an invalid variable, `LinkError` if the network cannot be used so.
     """
 
     def __init__(
@@ -293,9 +285,9 @@ class Participant:
         self._names = names or {}
         self.domain_id = domain_id_of(settings, environment)
         self.overruns = 0
-        """Times that a reader was full: further messages may be missing from the count."""
+        """Times that a reader was full; messages may then be missing from the counts."""
         self.faults = 0
-        """What others sent or said that could not be read, and went by."""
+        """Messages and announcements of others that could not be read."""
         self.unsent = 0
         """Messages that could not be written."""
         self._gid_bytes = settings.gid_bytes
@@ -442,7 +434,7 @@ class Participant:
         return found
 
     def _learn_senders(self) -> None:
-        """Take in who is there; DDS reports a publisher before it gives its messages."""
+        """Take in publishers; DDS reports one before its messages."""
         for participant in self._announced(self._participants):
             data = _user_data(participant.qos)
             self._senders.add_participant(str(participant.key), data)
@@ -451,9 +443,9 @@ class Participant:
             self._senders.add_writer(handle, key, writer.topic_name)
 
     def _announced(self, reader: Any) -> Iterator[Any]:
-        """Yield what others say of themselves, one by one: the binding chokes on some of it.
+        """Yield the announcements of others one by one: the binding fails on some.
 
-        A name that is not UTF-8 raises, and whatever was taken together with it is gone.
+        A name that is not UTF-8 raises, and everything taken together with it is lost.
         """
         for _ in range(ANNOUNCED_LIMIT):
             try:
@@ -467,12 +459,12 @@ class Participant:
                 yield samples[0]
 
     def _note_fault(self, error: Exception) -> None:
-        """Count what must not end the reading; tell of it seldom."""
+        """Count a fault that must not end the reading; log it rarely."""
         self.faults += 1
         log.seldom(self.faults, "ROS 2 network: cannot be read", error=repr(error)[:200])
 
     def _wake_for(self, reader: Any) -> None:
-        """Have the reading thread wake up when a reader has something."""
+        """Wake the reading thread when a reader has something."""
         self._waitset.attach(
             ReadCondition(reader, SampleState.NotRead | ViewState.Any | InstanceState.Any)
         )
@@ -490,7 +482,7 @@ class Participant:
         self, node: str, topic: RosTopic, prefix: str = "rt", mark: str = ""
     ) -> None:
         policies = _qos(depth=READER_DEPTH, message=topic.message, mark=mark)
-        # What we publish ourselves is not news to us.
+        # Skip our own endpoints.
         qos = Qos(*policies, Policy.IgnoreLocal.Process)
         shared = self._topic(topic.name, topic.message, prefix)
         reader = DataReader(self._subscriber, shared, qos=qos)
@@ -499,9 +491,9 @@ class Participant:
         self._read_topics[shared.name] = topic
 
     def _add_services(self) -> None:
-        """Offer the parameters; a service is a topic of requests and one of replies.
+        """Offer the parameters: a topic of requests and one of replies.
 
-        Clients find the two by an identifier that both have.
+        Clients find the two by a common identifier.
         """
         for number, (service, (request, answer)) in enumerate(SERVICES.items()):
             bare = self._participant.guid.bytes[:15] + bytes([number])
@@ -524,7 +516,7 @@ class Participant:
 
     def _topic(self, name: str, message: type[RosMessage], prefix: str = "rt") -> Any:
         if name not in self._topics:
-            # The log is everybody's, whatever the namespace, as in ROS 2.
+            # The log is shared by all namespaces, as in ROS 2.
             inside = f"{self._namespace}/" if self._namespace and name != LOG_TOPIC else ""
             self._topics[name] = Topic(
                 self._participant, f"{prefix}/{inside}{name}", dds_type(message)
@@ -535,7 +527,7 @@ class Participant:
         return messages.graph_messages(self._gid_bytes)[2]
 
     def _introduce(self, nodes: Collection[str]) -> None:
-        """Announce to ROS 2 which nodes there are and what is theirs."""
+        """Announce our nodes and their endpoints to ROS 2."""
         gid, node_info, _ = messages.graph_messages(self._gid_bytes)
 
         def gid_of(entity: Any) -> Any:
@@ -562,10 +554,7 @@ class Participant:
         )
 
     def show_detectors(self, nodes: Collection[str]) -> None:
-        """Have a node that publishes pulses for each of these, and for no others.
-
-        Raises `LinkError`: DDS cannot have another publisher.
-        """
+        """Keep one publishing node for each of these detectors; raises `LinkError`."""
         topic = TOPICS["pulse"]
         own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}
         for node in own.difference(nodes):
@@ -581,7 +570,7 @@ class Participant:
         self._introduce((*self._nodes, *nodes))
 
     def close(self) -> None:
-        """Say goodbye and leave; without it the nodes would linger for ten seconds."""
+        """Say goodbye and leave; otherwise the nodes would linger for ten seconds."""
         self._closing.set()
         self._thread.join(2.0)
         self._introduce(())

@@ -1,7 +1,7 @@
-"""Warnings of the DDS library: the only place where it reports messages that it drops.
+"""Warnings of the DDS library: its only report of messages that it drops.
 
-It can write them into a file besides stderr. The file has no name any more once the library has
-opened it, so it disappears with the process.
+It can write them into a file as well as to stderr. The file's name is removed once the library
+has opened it, so it disappears with the process.
 """
 
 import os
@@ -10,7 +10,7 @@ import tempfile
 from contextlib import suppress
 
 FILE_BYTES = 1_000_000
-"""The file is emptied when it is longer."""
+"""Length above which the file is emptied."""
 _TOO_LONG = re.compile(rb"dropping oversize .* ([^ ]+)/[^/ ]+$")
 
 

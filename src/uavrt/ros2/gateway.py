@@ -1,6 +1,6 @@
 """The gateway's translation: the drone's records to ROS 2 messages, and commands back.
 
-It knows nothing of sockets: it is given records, messages and the time, and returns records.
+It has no sockets: it is given records, messages and the time, and returns records.
 """
 
 from collections import OrderedDict
@@ -65,22 +65,20 @@ HEARTBEAT_PERIOD_S = 1.0
 ASKED_KEPT = 1000
 """Commands whose reply may still come."""
 DROPS_PERIOD_S = 10.0
-"""Between two log lines about dropped messages of one topic."""
+"""Time between two log lines about dropped messages of one topic [s]."""
 CLOCK_ERROR_S = 2.0
-"""Difference of the clocks of two computers that still counts as none."""
+"""Difference of two computers' clocks that counts as none [s]."""
 REMEMBERED_PULSES = 1000
-"""Pulses from other computers that must not be sent back to where they came from."""
+"""Pulses from other computers that must not be sent back."""
 
 LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
 """Level of ``rosout`` for each severity of MAVLink, 0 emergency to 7 debug."""
 
 
 class Gateway:
-    """Both directions; see the module's text.
+    """Both directions of the translation.
 
-    `bus`: the ROS 2 side.
-    `settings`: the drone side's settings.
-    `send`: takes a topic and a record for the supervisor.
+    `bus`: the ROS 2 side. `send`: takes a topic and a record for the supervisor.
     """
 
     def __init__(
@@ -101,18 +99,18 @@ class Gateway:
         self._status: SystemStatus | None = None
         self._status_heard_ns = 0
         self._parts: dict[str, tuple[DiagnosticStatus, ...]] = {}
-        """Each component's state as of the supervisor's last word; that is once a second."""
+        """State of each component at the supervisor's last report, once a second."""
         self._pose: Pose | None = None
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns: dict[int, int] = {}
         self._next_drops_ns: dict[str, int] = {}
         self._drops_said: dict[str, int] = {}
-        # Unlike any number of an earlier life of this process: the supervisor answers a number
+        # Unlike any number before a restart of this process: the supervisor answers a number
         # it has seen before with the old reply.
         self._request_id = now_ns() // 1_000_000
         self._asked: OrderedDict[int, Command] = OrderedDict()
         self._begun = False
-        """An upload was begun with the supervisor."""
+        """Whether an upload was begun with the supervisor."""
         self._upload = Upload()
         self._resumed = False
         self._parameters = ParameterServices(
@@ -136,7 +134,7 @@ class Gateway:
     # ------------------------------------------------- from the drone to ROS 2
 
     def take(self, record: Any) -> None:
-        """Show a record of the drone side."""
+        """Publish a record of the drone side."""
         match record:
             case Pulse():
                 self._show_pulse(record)
@@ -160,7 +158,7 @@ class Gateway:
                 self.log(record.severity, record.text)
 
     def take_flight(self, flight: FlightInfo | None) -> None:
-        """Show that a flight has started, or (None) ended; it may bring another clock."""
+        """Publish that a flight has started, or (None) ended; it may bring another clock."""
         self._status_heard_ns = self._now_ns()
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns.clear()
@@ -216,7 +214,7 @@ class Gateway:
         self._bus.publish("pulse", message, node)
 
     def _show_detectors(self) -> None:
-        """Have a node for each tag of the flight; they stay until the next flight."""
+        """Keep a node for each tag of the flight, until the next flight."""
         if not self._settings.ros2.node_per_tag or self._flight is None:
             return
         tag_ids = [tag.tag_id for tag in self._flight.tags]
@@ -228,7 +226,7 @@ class Gateway:
         self._detectors = frozenset(tag_ids)
 
     def _show_command(self, command: Command) -> None:
-        """Show what the ground station asks, as the original passed it on."""
+        """Publish a command of the ground station, as the original passed it on."""
         if command.name == "start_tags":
             self._upload.forget()
         match command.name:
@@ -247,7 +245,7 @@ class Gateway:
                 self._bus.publish("control_stop_subprocess", order)
 
     def _show_start(self, flight: FlightInfo) -> None:
-        """Tell each component what it starts with: one message for each tag's detector."""
+        """Send each component its start: one message for each tag's detector."""
         center = {"center_frequency": f"{flight.center_frequency_hz / 1e6:.6f}"}
         radio = self._order("start", self._settings.radio.kind, center)
         self._control("channelizer", self._order("start", "receiver", center))
@@ -257,7 +255,7 @@ class Gateway:
             self._control("detector", self._order("start", f"tag_id_{tag.tag_id}", values))
 
     def _control(self, component: str, order: DiagnosticArray) -> None:
-        """Publish an order to a component and its echo."""
+        """Publish a command to a component and its echo."""
         self._bus.publish(f"control_{component}_subprocess", order)
         self._bus.publish(f"status_{component}_subprocess", order)
 
@@ -322,7 +320,7 @@ class Gateway:
     # ------------------------------------------------- from ROS 2 to the drone
 
     def _hear(self, arrival: Arrival) -> None:
-        """Handle one message from the network; what makes no sense is refused and counted."""
+        """Handle one message from the network; invalid ones are refused and counted."""
         try:
             message = decode(arrival.topic.message, arrival.cdr)
         except FormatError as error:
@@ -336,7 +334,7 @@ class Gateway:
             self._refuse(str(error))
 
     def _show_drops(self, now_ns: int) -> None:
-        """Report dropped messages, seldom, and other gateways in the log."""
+        """Log dropped messages rarely, and other gateways."""
         inbox = self._bus.inbox
         for topic, count in inbox.dropped.items():
             new = count - self._drops_said.get(topic, 0)
@@ -353,7 +351,7 @@ class Gateway:
             )
 
     def _limits_of(self, topic: str) -> str:
-        """Explain what is read of a topic."""
+        """Describe the limits of a topic."""
         if topic in self._bus.inbox.closed:
             return "Pulses of other computers are not read: [ros2] accept_pulses = false"
         row = TOPICS.get(topic)
@@ -392,7 +390,7 @@ class Gateway:
                 self._refuse_part(topic, message)
 
     def _refusal_of(self, arrival: Arrival) -> str | None:
-        """Explain why whoever sent this may not change anything."""
+        """Explain why the sender of this may not change anything."""
         if not self._settings.ros2.accept_commands:
             return "commands from ROS 2 are off (accept_commands = false)"
         return "its sender is not known to DDS" if arrival.sender == UNKNOWN else None
@@ -474,7 +472,7 @@ class Gateway:
         self._refuse(f"{topic}: {reason}", node=COMPONENTS.get(component, AIRSPY))
 
     def _take_pulse(self, message: RosPulse) -> None:
-        """Pass on a pulse of another computer's detector, if such are wanted."""
+        """Pass on a pulse of another computer's detector, if enabled."""
         if message.frequency == 0.0:
             return
         pulse = convert.pulse_from_ros(message, int(self.counters["ros2_pulses_taken"]))
@@ -511,7 +509,7 @@ class Gateway:
         return self._ask("set_parameter", parameter=name, value=value)
 
     def _ask(self, name: CommandName, **details: Any) -> int:
-        """Give a command to the supervisor; returns its number."""
+        """Send a command to the supervisor; returns its number."""
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
@@ -536,12 +534,12 @@ class Gateway:
 
     def _refuse(self, reason: str, node: str = START_STOP) -> None:
         self.counters["ros2_messages_refused"] += 1
-        # A flood must not fill everybody's log.
+        # A flood must not fill the shared log.
         if self._lines_allowed.take(self._now_ns()):
             self.log(4, reason[:500], node)
 
 
 def _next_due(due_ns: int, now_ns: int, period_s: float) -> int:
-    """Keep the beat, unless so late that it is lost."""
+    """Time of the next beat; skip beats that are too late."""
     period_ns = ns_from_s(period_s)
     return due_ns + period_ns if now_ns - due_ns < period_ns else now_ns + period_ns

@@ -1,8 +1,7 @@
 """The ROS 2 graph as two tables: the nodes, and the topics between them.
 
-It is the original system's graph (thesis Fig. 2.1), so that
-its tools and habits go on working. The endpoints, the type hashes and the documentation derive
-from here. `OWN_TOPICS` are those that it did not have.
+It is the original system's graph (thesis Fig. 2.1), so that its tools go on working. The
+endpoints, the type hashes and the documentation derive from it. `OWN_TOPICS` are additional.
 """
 
 from dataclasses import dataclass
@@ -35,10 +34,10 @@ NODES: dict[str, str] = {
     CHANNELIZER: "the receiver",
     DETECTOR: "the detectors",
 }
-"""Name and meaning; their order is that of the data's way."""
+"""Name and meaning, in the order of the data's path."""
 
 PARAMETER_NODE = START_STOP
-"""It has the drone's parameters, where services are wanted."""
+"""Node with the drone's parameters, if services are enabled."""
 
 
 def detector_node(tag_id: int) -> str:
@@ -58,11 +57,11 @@ class RosTopic:
     depth: int = 10
     """Messages kept for a subscriber that missed some."""
     burst: int = 20
-    """Messages that are taken at once (`uavrt.ros2.inbox`); 0: none."""
+    """Messages accepted at once (`uavrt.ros2.inbox`); 0: none."""
     per_s: float = 2.0
-    """Messages that are taken each second after that."""
+    """Messages accepted each second after that."""
     commands: bool = True
-    """Taken before the messages of topics that only carry data."""
+    """Whether its messages come before those of topics that only carry data."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
@@ -196,10 +195,10 @@ TOPICS: dict[str, RosTopic] = {
 }
 
 OWN_TOPICS = ("burst", "store_coded_tag_information")
-"""Of coded tags, which the original does not know."""
+"""Topics of coded tags, which the original does not have."""
 
 COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
-"""Components that take ``control_<name>_subprocess`` and tell ``status_<name>_subprocess``."""
+"""Components with topics ``control_<name>_subprocess`` and ``status_<name>_subprocess``."""
 
 LOG_TOPIC = "rosout"
 """Every node publishes its log here; the newest `LOG_DEPTH` reach late subscribers."""

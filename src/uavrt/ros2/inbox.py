@@ -1,7 +1,7 @@
-"""Messages that wait for the gateway: each topic may bring as much as its row allows. Pure.
+"""Messages that wait for the gateway, within the limits of each topic. Pure.
 
 One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
-on one topic delays no message of another. What exceeds them is dropped and counted.
+on one topic delays no message of another. Excess messages are dropped and counted.
 """
 
 from collections import deque
@@ -13,18 +13,18 @@ from uavrt.ros2.graph import RosTopic
 from uavrt.ros2.senders import Arrival
 
 BYTES_OF_ONE = 256
-"""Each further begun 256 bytes of a message count as another one: decoding takes as long. A tag
-has 76 bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its
-topic's `burst` is never decoded."""
+"""Bytes of a message that count as one message, because decoding takes as long. A tag has 76
+bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its topic's
+`burst` is never decoded."""
 GATEWAYS_NAMED = 20
-"""Other gateways that are kept apart; more count as messages only."""
+"""Other gateways that are counted separately; more count as messages only."""
 
 
 class Inbox:
     """Messages in the order of their arrival, those of commands before those of pulses.
 
-    `now_ns`: monotonic time [ns].
-    `closed`: topics that are not wanted: each message is dropped and counted.
+    `now_ns`: monotonic time [ns]. `closed`: disabled topics: each message is dropped and
+    counted.
     """
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
@@ -40,7 +40,7 @@ class Inbox:
         """Participants that sent them."""
 
     def put(self, arrival: Arrival) -> None:
-        """Let a message wait, or drop and count it."""
+        """Queue a message, or drop and count it."""
         topic = arrival.topic
         if arrival.sender.gateway:
             self.of_gateways += 1
@@ -60,7 +60,7 @@ class Inbox:
         return self._allowed[topic.name].take(self._now_ns(), cost)
 
     def drop(self, topic: RosTopic) -> None:
-        """Count a message that was sent and cannot be had any more."""
+        """Count a message that was sent and lost."""
         self._dropped[topic.name] = self._dropped.get(topic.name, 0) + 1
 
     @property
@@ -69,7 +69,7 @@ class Inbox:
         return self._dropped.copy()
 
     def take(self) -> list[Arrival]:
-        """Get the messages that wait; the limits of all topics bound their number."""
+        """Get the waiting messages; the limits of all topics bound their number."""
         return [
             waiting.popleft()
             for waiting in (self._commands, self._data)
@@ -81,12 +81,12 @@ T = TypeVar("T")
 
 
 class SendingOrder(Generic[T]):
-    """Sort the messages of several readers into the order of their sending.
+    """Sorts the messages of several readers into the order of their sending.
 
     Readers are emptied one after the other, pass by pass. A message that was sent earlier also
-    arrived earlier, so the next pass finds it at the latest; a message waits for that pass.
+    arrived earlier, so it comes in the next pass at the latest; later messages wait for that.
 
-    `sent`: get the sorting key of a message, such as its sending time.
+    `sent`: gets the sorting key of a message, such as its sending time.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:

@@ -1,7 +1,7 @@
-"""What ROS 2 needs to know of a message type, derived from its dataclass.
+"""Descriptions of message types for ROS 2, derived from their dataclasses.
 
-Type hashes are those of REP 2011: SHA-256 over the type's description as JSON. They are what
-``ros2 topic info -v`` shows and what a recording keeps.
+Type hashes are those of REP 2011: SHA-256 over the type's description as JSON, as shown by
+``ros2 topic info -v`` and kept in recordings.
 """
 
 import hashlib

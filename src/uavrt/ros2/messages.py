@@ -1,9 +1,9 @@
-"""The ROS 2 messages that uavrt speaks, as dataclasses.
+"""The ROS 2 messages of uavrt, as dataclasses.
 
-The annotations are the definitions: the .msg text, the type hash, the bytes and the DDS type
-derive from them (`uavrt.ros2.interface`, `uavrt.ros2.cdr`). Field names, order and units are
-the original system's, so that its nodes interoperate; the standard
-types are those of ROS 2 Humble to Kilted. An absent number is NaN, an absent time is zero.
+The .msg text, the type hash, the bytes and the DDS type derive from the annotations
+(`uavrt.ros2.interface`, `uavrt.ros2.cdr`). Field names, order and units are the original
+system's, so that its nodes interoperate; the standard types are those of ROS 2 Humble to
+Kilted. An absent number is NaN, an absent time is zero.
 """
 
 from dataclasses import dataclass
@@ -216,8 +216,8 @@ class RosCodedTag(RosMessage):
 def graph_messages(gid_bytes: int) -> tuple[type[Any], type[Any], type[Any]]:
     """Identifier of a participant or endpoint, a node's endpoints, a participant's nodes.
 
-    So ROS 2 knows the names of nodes. Identifiers have 16 bytes since Iron, 24 from Foxy to
-    Humble.
+    ROS 2 gets the names of nodes from these. Identifiers have 16 bytes since Iron, 24 from Foxy
+    to Humble.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Messages of ROS 2's parameter services (package rcl_interfaces), as Cyclone's RMW sends them.
 
-There a request, and the reply to it, begin with who asked and the number of the question, which
-other RMWs carry outside of the data (rmw_cyclonedds_cpp, ``cdds_request_header``).
+There requests and replies begin with the client and the number of the request, which other RMWs
+carry outside of the data (rmw_cyclonedds_cpp, ``cdds_request_header``).
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class RosParameter(RosMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloatingPointRange(RosMessage):
-    """What a real number may be."""
+    """Range of a real number."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/FloatingPointRange"
     from_value: Float64 = 0.0
@@ -51,7 +51,7 @@ class FloatingPointRange(RosMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegerRange(RosMessage):
-    """What a whole number may be."""
+    """Range of a whole number."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/IntegerRange"
     from_value: Int64 = 0
@@ -61,7 +61,7 @@ class IntegerRange(RosMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterDescriptor(RosMessage):
-    """What a parameter means and may be."""
+    """Meaning and range of a parameter."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/ParameterDescriptor"
     name: String = ""
@@ -76,7 +76,7 @@ class ParameterDescriptor(RosMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListParametersResult(RosMessage):
-    """Names, and what stands before their dots."""
+    """Names, and the prefixes before their dots."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/ListParametersResult"
     names: tuple[String, ...] = ()
@@ -94,18 +94,18 @@ class SetParametersResult(RosMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceMessage(RosMessage):
-    """What requests and replies begin with on Cyclone's RMW."""
+    """Beginning of requests and replies on Cyclone's RMW."""
 
     interface: ClassVar[str] = "srv"
     guid: UInt64 = 0
     """The client."""
     sequence: Int64 = 0
-    """Number of its question."""
+    """Number of its request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListRequest(ServiceMessage):
-    """All, or those that begin so."""
+    """Requests all names, or those with these prefixes."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/ListParameters_Request"
     prefixes: tuple[String, ...] = ()
@@ -122,21 +122,21 @@ class ListReply(ServiceMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamesRequest(ServiceMessage):
-    """Some names."""
+    """Names of parameters."""
 
     names: tuple[String, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GetRequest(NamesRequest):
-    """Which values."""
+    """Requests values."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/GetParameters_Request"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GetReply(ServiceMessage):
-    """A value for each name; of type 0 where there is no such parameter."""
+    """A value for each name; of type 0 for an unknown parameter."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/GetParameters_Response"
     values: tuple[ParameterValue, ...] = ()
@@ -144,7 +144,7 @@ class GetReply(ServiceMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypesRequest(NamesRequest):
-    """Whose types."""
+    """Requests types."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/GetParameterTypes_Request"
 
@@ -159,7 +159,7 @@ class TypesReply(ServiceMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescribeRequest(NamesRequest):
-    """Whose descriptions."""
+    """Requests descriptions."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/DescribeParameters_Request"
 
@@ -174,7 +174,7 @@ class DescribeReply(ServiceMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetRequest(ServiceMessage):
-    """What is to be set, each for itself."""
+    """Parameters to set, each for itself."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/SetParameters_Request"
     parameters: tuple[RosParameter, ...] = ()
@@ -190,7 +190,7 @@ class SetReply(ServiceMessage):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetTogetherRequest(ServiceMessage):
-    """What is to be set, all or nothing."""
+    """Parameters to set, all or nothing."""
 
     ros_name: ClassVar[str] = "rcl_interfaces/SetParametersAtomically_Request"
     parameters: tuple[RosParameter, ...] = ()

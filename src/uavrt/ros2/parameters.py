@@ -1,7 +1,7 @@
 """The drone's parameters as ROS 2's parameter services have them.
 
-The same table, values and rules as by MAVLink (`uavrt.config.parameters`): what is to be set
-goes to the supervisor as a command, and the reply waits for his answer.
+The table, values and rules are those of MAVLink (`uavrt.config.parameters`): changes go to the
+supervisor as commands, and the reply waits for its answer.
 """
 
 from collections import OrderedDict, deque
@@ -38,13 +38,13 @@ from uavrt.ros2.parameter_messages import (
 BOOL, INTEGER, DOUBLE = 1, 2, 3
 """rcl_interfaces/ParameterType; 0 is "not set"."""
 PENDING = 16
-"""Requests to set that wait for the supervisor."""
+"""Most requests to set that wait for the supervisor."""
 MOST_AT_ONCE = 32
-"""Parameters of one request to set."""
+"""Most parameters of one request to set."""
 DONE = SetParametersResult(successful=True)
 
 Ask = Callable[[str, float], int | None]
-"""Asks the supervisor to set a parameter; gives the question's number, None if it cannot."""
+"""Sends a change to the supervisor; returns the request's number, None if it cannot."""
 
 
 @dataclass(slots=True)
@@ -57,10 +57,9 @@ class _Setting:
 
 
 class ParameterServices:
-    """Answers; see the module's text.
+    """Answers requests for parameters.
 
-    `running`: whether detection runs.
-    `ask`: gives a wish to the supervisor.
+    `running`: whether detection runs. `ask`: sends a change to the supervisor.
     """
 
     def __init__(
@@ -76,7 +75,7 @@ class ParameterServices:
         self._pending: OrderedDict[int, _Setting] = OrderedDict()
 
     def hear(self, request: ServiceMessage, refusal: str | None = None) -> None:
-        """Handle a request; `refusal` says why nothing may be set by its sender."""
+        """Handle a request; `refusal` is why its sender may not set anything."""
         asker = {"guid": request.guid, "sequence": request.sequence}
         match request:
             case ListRequest():
@@ -129,7 +128,7 @@ class ParameterServices:
         return None
 
     def _go_on(self, setting: _Setting) -> None:
-        """Ask for the next one; answer when all are done."""
+        """Set the next one; answer when all are done."""
         together = isinstance(setting.request, SetTogetherRequest)
         while setting.left:
             if together and any(not result.successful for result in setting.results):
@@ -178,14 +177,14 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """Whether a name is asked for: there are no dots in ours, so a prefix is a whole name."""
+    """Whether a name matches: there are no dots in ours, so a prefix is a whole name."""
     return not prefixes or name in prefixes
 
 
 def _number(wanted: RosParameter) -> float:
     """Read the number of a value; ``ros2 param set`` sends 5 as a whole number for a real one.
 
-    Raises `ConfigError`: it has the wrong type, or there is no such parameter.
+    Raises `ConfigError` for a wrong type, or an unknown parameter.
     """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
@@ -206,7 +205,7 @@ def _description(name: str) -> ParameterDescriptor:
     if parameter is None:
         return ParameterDescriptor(name=name)
     kind = _type(parameter)
-    # What stands for "left out" lies beside the range.
+    # The value for "left out" is outside the range.
     ends = [parameter.low, parameter.high]
     ends += [] if parameter.absent is None else [parameter.absent]
     low, high = min(ends), max(ends)

@@ -1,13 +1,13 @@
-"""Who sent a message: a gateway like ours, or somebody who may command. Pure.
+"""Identifies senders of messages: other gateways, and authorised commanders. Pure.
 
-A gateway shows what its own ground station asks on the very topics that other gateways obey, so
-an order counts only if its participant is known and is no gateway. One is known by its mark (in
-the participant's user data, which DDS tells before anything else of it), or, without one, by
-what it publishes: earlier releases, the original's `uavrt_connection` and a recording that is
-played all publish ``pulse_pose`` beside the orders.
+A gateway publishes its own ground station's commands on the topics that other gateways obey, so
+a command counts only if its participant is known and is no gateway. Gateways are recognised by
+their mark (in the participant's user data, which DDS sends first), or, without one, by their
+topics: earlier releases, the original's `uavrt_connection` and a recording that is played all
+publish ``pulse_pose`` and commands.
 
-The mark keeps honest systems apart. Whoever wants to deceive leaves it out: against them there
-is only the network itself (docs/how-to/ros2.md).
+The mark separates honest systems. An attacker leaves it out; only the network protects against
+that (docs/how-to/ros2.md).
 """
 
 from collections import OrderedDict
@@ -18,11 +18,11 @@ from uavrt.ros2.graph import RosTopic
 
 GATEWAY_MARK = b"uavrt=gateway;"
 DETECTOR_MARK = b"uavrt=detector;"
-"""In a participant's user data, beside ROS 2's own ``enclave=/;``."""
+"""Mark in a participant's user data, next to ROS 2's own ``enclave=/;``."""
 SYSTEM_TOPIC = "pulse_pose"
-"""Only who has a drone of his own publishes that."""
+"""Topic that only the owner of a drone publishes."""
 REMEMBERED = 4096
-"""Participants and writers; more, from a network gone wild, push out the oldest."""
+"""Most participants and writers kept; more replace the oldest."""
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -30,12 +30,12 @@ V = TypeVar("V")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """The participant that a message came from."""
+    """Participant that sent a message."""
 
     key: str = ""
-    """Its identifier; empty if it is not known."""
+    """Its identifier; empty if unknown."""
     gateway: bool = False
-    """It speaks for another drone (or for a recording of one)."""
+    """Whether it speaks for another drone, or for a recording of one."""
 
 
 UNKNOWN = Sender()
@@ -43,7 +43,7 @@ UNKNOWN = Sender()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrival:
-    """A message as it came."""
+    """A message with its sender and times."""
 
     topic: RosTopic
     cdr: bytes
@@ -53,7 +53,7 @@ class Arrival:
 
 
 class Senders:
-    """What is known about publishers, present or just gone."""
+    """Publishers, present or just gone."""
 
     def __init__(self) -> None:
         self._marked: _Newest[str, bool] = _Newest()

@@ -1,7 +1,7 @@
-"""The state of the original's three components, read from the state of our processes.
+"""State of the original's three components, derived from the state of our processes.
 
 The radio's program and the channelizer are one process here, the receiver; a detector process
-serves several tags. Each component speaks of its own things: the radio by its kind and serial
+serves several tags. Each component reports its own parts: the radio by its kind and serial
 number, the receiver, and each tag.
 """
 
@@ -14,17 +14,16 @@ from uavrt.ros2.convert import key_values
 from uavrt.ros2.messages import ERROR, OK, STALE, WARN, DiagnosticStatus, KeyValue
 
 STALE_AFTER_S = 3.0
-"""The supervisor tells its state once a second."""
+"""Age from which the supervisor's state, sent once a second, is stale [s]."""
 
 
 def component_status(
     component: str, status: SystemStatus | None, age_s: float, settings: Settings
 ) -> tuple[DiagnosticStatus, ...]:
-    """Describe one component; nothing while nothing is to run.
+    """Describe one component; empty while nothing is to run.
 
-    `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``.
-    `status`: the drone side, as last reported.
-    `age_s`: how long ago that was [s].
+    `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``. `status`: the drone
+    side, as last reported. `age_s`: age of that report [s].
     """
     if status is None or status.state is not SystemState.DETECTING:
         return ()
@@ -42,14 +41,14 @@ def component_status(
 
 
 def detector_of_tag(status: SystemStatus) -> dict[int, ProcessStatus]:
-    """Get the process that finds each tag's pulses, as the supervisor reports it."""
+    """Process that finds each tag's pulses, by the supervisor's report."""
     return {tag_id: process for process in status.processes for tag_id in process.tag_ids}
 
 
 def _parts(
     component: str, status: SystemStatus, settings: Settings
 ) -> Iterator[tuple[str, ProcessStatus | None]]:
-    """Yield each thing the component answers for, with the process that does its work."""
+    """Yield each part of the component, with the process that does its work."""
     processes = {process.process: process for process in status.processes}
     receiver = processes.get("receiver")
     match component:
@@ -70,7 +69,7 @@ def _level(component: str, process: ProcessStatus | None) -> int:
         return ERROR
     if process.ok:
         return OK
-    # The receiver lives but has no radio: that is the radio's error.
+    # The receiver runs without a radio: report it as the radio's error.
     return ERROR if component == "airspy_csdr_netcat" else WARN
 
 

@@ -1,6 +1,6 @@
-"""How many tags an upload over ROS 2 had, so that no search starts with fewer. Pure.
+"""Counts the tags of an upload over ROS 2, so that no search starts with fewer. Pure.
 
-The original's messages have no count: a tag that was refused or lost was simply not searched.
+The original's messages have no count: a tag that was refused or lost was silently not searched.
 """
 
 from collections.abc import Iterable
@@ -8,22 +8,22 @@ from collections.abc import Iterable
 from uavrt.ros2.senders import Sender
 
 MOST = 10_000
-"""Numbers of tags that are told apart; a flood of nonsense must not fill the memory."""
+"""Most tag numbers that are counted, so that a flood cannot fill the memory."""
 
 
 class Upload:
-    """The tags since the first of an upload, taken or not."""
+    """The tags since the first of an upload, accepted or not."""
 
     def __init__(self) -> None:
         self.open = False
-        """The last tag has not been told yet."""
+        """Whether the last tag is still to come."""
         self._ids: set[int] = set()
         self._nameless = 0
         self._lost_before = self._lost = 0
         self._released: tuple[Sender, int] | None = None
 
     def add(self, tag_id: int | None, lost: int) -> None:
-        """Note a tag; None where it could not be read.
+        """Note a tag; None if it could not be read.
 
         `lost` is the number of tags that the network has lost until now.
         """
@@ -42,7 +42,7 @@ class Upload:
             self._ids.add(tag_id)
 
     def resume(self, tag_ids: Iterable[int], lost: int) -> None:
-        """Go on with an earlier gateway's upload; a tag may have been lost as that ended."""
+        """Continue an earlier gateway's upload; a tag may have been lost as that ended."""
         for tag_id in tag_ids:
             self.add(tag_id, lost)
         self.add(None, lost)
@@ -53,7 +53,7 @@ class Upload:
             self._lost_before = lost
 
     def release(self, sender: Sender, sent_ns: int) -> None:
-        """Note that it was the last."""
+        """Note the end of the upload."""
         self.open = False
         self._released = (sender, sent_ns)
 
@@ -65,7 +65,7 @@ class Upload:
         return sender == released_by and sent_ns < released_ns
 
     def forget(self) -> None:
-        """Forget it: another upload has begun, here or on another wire."""
+        """Reset it: another upload has begun, here or on another wire."""
         self.open = False
         self._ids.clear()
         self._nameless = 0
@@ -74,6 +74,6 @@ class Upload:
 
     @property
     def tag_count(self) -> int | None:
-        """As many tags were sent, at least; None when none were."""
+        """Least number of tags that were sent; None without any."""
         count = len(self._ids) + self._nameless + max(0, self._lost - self._lost_before)
         return count or None

@@ -1,12 +1,12 @@
-"""Stand-in for ``airspy_rx``: takes its arguments, writes what it would write, in real time.
+"""Stand-in for ``airspy_rx``: takes its arguments and writes its output, in real time.
 
 ``python -m uavrt.simulation.airspy_rx --world SCENARIO.toml -f 148.68 -r - -a 3000000 -t 0``
 
 Arguments, ranges, texts and the exit code 1 on any fault are those of airspy_rx v1.0.5 (Debian
-airspy 1.0.10), tried out. Like the radio it samples the world as it is *now*: it starts at the
-scenario's present, and a reader that falls behind by more than eight buffers loses samples.
-With `loss_share`, `arrival_jitter_s`, `stall_share` in the scenario it loses some without a
-word, too, and is late.
+airspy 1.0.10), as observed. Like the radio it samples the world as it is *now*: it starts at
+the scenario's present, and a reader that falls behind by more than eight buffers loses samples.
+With `loss_share`, `arrival_jitter_s`, `stall_share` in the scenario it also loses some
+silently, and is late.
 """
 
 import getopt
@@ -31,18 +31,16 @@ from uavrt.simulation.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
 SAMPLE_RATES_HZ = (3_000_000, 6_000_000, 2_500_000, 10_000_000)
-"""Of the Airspy Mini, then of the R2; without -a the first one is used.
-
-The scenario may give its radio another rate, which is then taken as well.
-"""
+"""Rates of the Airspy Mini, then of the R2 [Hz]; the first is the default. The rate of the
+scenario's radio is accepted as well."""
 BUFFERS = 8
-"""libairspy queues as many filled buffers for a slow reader."""
+"""Filled buffers that libairspy queues for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD
 """Serial number of the simulated device."""
 LONGEST_S = 86_400.0
-"""A world is simulated within a day of its start: every pulse since then is counted."""
+"""Longest simulation from the world's start [s], as all pulses since then are counted."""
 PATH_KEPT_S = 10.0
-"""Of where the drone was: pulses are made as they come."""
+"""Length of the drone's path that is kept [s]; pulses are made as they come."""
 STALL_S = (0.05, 0.3)
 """Shortest and longest stall of `scenario.Radio.stall_share`."""
 NOT_FOUND = "airspy_open() failed: AIRSPY_ERROR_NOT_FOUND (-5)"
@@ -196,8 +194,7 @@ class Transmission:
     """The stream from the simulated receiver to the reader.
 
     `write`: takes bytes, blocks while the reader is busy, raises OSError when it is gone.
-    `clock`: paces the samples.
-    `report`: takes a line for the person at the terminal.
+    `clock`: paces the samples. `report`: takes a line for the terminal.
     """
 
     def __init__(
@@ -244,7 +241,7 @@ class Transmission:
         self._finish(writer)
 
     def _delay(self) -> None:
-        """Be as late as the scenario's radio is; what was held up comes at once afterwards."""
+        """Delay writes as the scenario's radio does; held-up ones come at once afterwards."""
         radio = self._synthesizer.scenario.radio
         if radio.arrival_jitter_s:
             self._stop.wait(self._chance.exponential(radio.arrival_jitter_s))
@@ -252,7 +249,7 @@ class Transmission:
             self._stop.wait(self._chance.uniform(*STALL_S))
 
     def _lose(self, index: int) -> int:
-        """Leave out samples without a word, if the scenario says so."""
+        """Drop samples silently, if the scenario requires it."""
         radio = self._synthesizer.scenario.radio
         if not radio.loss_share:
             return index
@@ -265,7 +262,7 @@ class Transmission:
         return index + lost
 
     def _hand_over(self, block: bytes) -> bool:
-        """Queue a buffer; False when the reader has not made room in the time of them all.
+        """Queue a buffer; False when the reader has made no room in the time of them all.
 
         The wait also covers a burst after this program itself was held up: a radio's buffers
         would have been read one by one meanwhile, so such a delay must not cost samples.
@@ -277,7 +274,7 @@ class Transmission:
         return True
 
     def _skip(self, first: int, following: int) -> int:
-        """Count what was lost for a slow reader; return the index to go on with."""
+        """Count samples lost for a slow reader; return the index to continue with."""
         present = self._synthesizer.index_at(self._clock.now_ns())
         resume = max(following, present)
         self.lost_samples += resume - first
@@ -298,7 +295,7 @@ class Transmission:
                 return
 
     def _finish(self, writer: threading.Thread) -> None:
-        """Let the reader have what is queued, unless it does not read."""
+        """Let the reader take what is queued, unless it does not read."""
         try:
             self._buffers.put(None, timeout=0.2)
         except queue.Full:

@@ -26,28 +26,28 @@ PATTERNS_DB: dict[str, tuple[float, ...]] = {
     ),
 }
 _NULL_DB = -30.0
-"""No real null is deeper, for scatter at the airframe."""
+"""Depth of nulls [dB], limited by scatter at the airframe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna(ScenarioRecord):
-    """The antenna and how it sits on the drone."""
+    """The antenna and its mounting on the drone."""
 
     pattern: Literal["RA-2A", "RA-23K", "isotropic", "monopole", "table"] = "RA-23K"
     table_db: tuple[float, ...] = ()
     """Own pattern: decibel re boresight at equal steps from 0° to 180°, both included."""
     gain_dbi: Annotated[float, Ge(-20), Le(30)] = 4.0
-    """At boresight; for a monopole at the horizon."""
+    """Gain at boresight; for a monopole at the horizon."""
     polarization: Literal["horizontal", "vertical", "any"] = "horizontal"
-    """Of the antenna on a level drone; "any" accepts every wave fully."""
+    """Polarization on a level drone; "any" accepts every wave fully."""
     cross_polarization_db: Annotated[float, Ge(-40), Le(0)] = -15.0
-    """What is left of a wave of the wrong polarization, for scatter."""
+    """Rest of a wave of the wrong polarization, for scatter."""
     yaw_offset_deg: float = 0.0
     """Boresight clockwise from the drone's nose."""
     pitch_offset_deg: float = 0.0
     roll_offset_deg: float = 0.0
     offset_forward_m: float = 0.0
-    """Where the antenna sits, from the autopilot, in the drone's frame."""
+    """Antenna's place from the autopilot, in the drone's frame."""
     offset_right_m: float = 0.0
     offset_down_m: float = 0.0
     switch: AntennaSwitch | None = None
@@ -62,10 +62,9 @@ def off_boresight_deg(direction_body: geometry.Vector) -> float:
 def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
     """Gain re the antenna's maximum [dB] towards a unit direction in its frame (FRD).
 
-    Directional patterns are taken as rotationally symmetric about the boresight: the tables
-    are cuts in azimuth, and at low elevation the angle off boresight is what counts. A
-    monopole's is 20 log10(cos elevation) about the down axis,
-    tilting with the drone.
+    Directional patterns are rotationally symmetric about the boresight: the tables are cuts in
+    azimuth, and at low elevation the angle off boresight is what counts. A monopole's is 20
+    log10(cos elevation) about the down axis, tilting with the drone.
     """
     if antenna.pattern == "isotropic":
         return 0.0
@@ -96,10 +95,8 @@ def polarization_db(
 ) -> float:
     """Loss [dB, ≤ 0] from the angle between the wave's field and the antenna's own.
 
-    `antenna`: which polarization the antenna has.
-    `direction_body`: unit vector to the source in the antenna's frame.
-    `field_body`: unit vector of the wave's electric field in the antenna's frame, across the
-    ray.
+    `direction_body`: unit vector to the source in the antenna's frame. `field_body`: unit
+    vector of the wave's electric field in the antenna's frame, across the ray.
     """
     if antenna.polarization == "any":
         return 0.0

@@ -1,8 +1,8 @@
 """An antenna switch: one receiver that steps through several antennas during each pulse.
 
-Stepped by the receiver's own sample clock, so that the position of every sample is known
-exactly; a recording's metadata hold it (docs/reference/scenario.md). The arithmetic shares
-nothing with `uavrt.localization.bearing.array_bearings`, which it is to check.
+The receiver's own sample clock steps it, so the position of every sample is exactly known, and
+stored in a recording's metadata (docs/reference/scenario.md). The arithmetic is independent of
+`uavrt.localization.bearing.array_bearings`, which it is to check.
 """
 
 import math
@@ -19,23 +19,22 @@ from uavrt.simulation.record import ScenarioRecord
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaSwitch(ScenarioRecord):
-    """``[antenna.switch]``: what the receiver is switched between."""
+    """``[antenna.switch]``: the antennas that are switched."""
 
     kind: Literal["circle", "pair", "sum_difference"] = "circle"
-    """Antennas on a circle; the left and the right one of a pair; or their sum and difference,
-    as a hybrid gives them."""
+    """Antennas on a circle; a left and right pair; or their sum and difference by a hybrid."""
     elements: Annotated[int, Ge(3), Le(16)] = 4
-    """Of a circle: the first ahead, the others clockwise."""
+    """Number on a circle: the first ahead, the others clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4
     """Radius of the circle, or distance of the pair."""
     dwell_s: Annotated[float, Gt(0), Le(0.01)] = 250e-6
-    """At each position; rounded to whole samples."""
+    """Time at each position, rounded to whole samples [s]."""
     settle_s: Annotated[float, Ge(0), Le(0.005)] = 20e-6
-    """At the beginning of it nothing is heard, while the switch settles."""
+    """Time without a signal at its beginning, while the switch settles [s]."""
 
     @property
     def positions(self) -> int:
-        """How many the switch has."""
+        """Number of positions."""
         return self.elements if self.kind == "circle" else 2
 
     def dwell_samples(self, sample_rate_hz: float) -> int:
@@ -48,7 +47,7 @@ class AntennaSwitch(ScenarioRecord):
         return min(settle, self.dwell_samples(sample_rate_hz) - 1)
 
     def metadata(self, sample_rate_hz: float) -> dict[str, Any]:
-        """What a recording says of it, so that each sample's position is known."""
+        """Description for a recording, with the position of each sample."""
         return {
             "kind": self.kind,
             "positions": self.positions,

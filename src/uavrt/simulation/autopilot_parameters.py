@@ -1,7 +1,7 @@
-"""The simulated autopilot's parameters, as far as they decide over the way to the ground.
+"""The simulated autopilot's parameters, as far as they affect the path to the ground.
 
-As a PX4 (v1.17) and an ArduCopter (4.7) come from their makers. Nearly all are in force after a
-restart only: `active` is what the last start has found.
+Defaults of PX4 (v1.17) and ArduCopter (4.7). Nearly all take effect after a restart: `active`
+are the values at the last start.
 """
 
 from collections.abc import Mapping
@@ -49,8 +49,8 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 class AutopilotParameters:
     """Parameters set and in force, and the answers to requests.
 
-    `flavour`: whose parameters, and how whole numbers travel.
-    `changes`: what differs from the maker's.
+    `flavour`: whose parameters, and how whole numbers travel. `changes`: deviations from the
+    defaults.
     """
 
     def __init__(self, flavour: Flavour, changes: Mapping[str, float]) -> None:
@@ -65,7 +65,7 @@ class AutopilotParameters:
         )
 
     def receive(self, request: Requests) -> list[ParamValue]:
-        """Handle a request; return the answers. A set is taken as it is."""
+        """Handle a request; return the answers. A value is set unchecked."""
         answer = self._server.receive(request)
         if isinstance(answer, list):
             return answer
@@ -73,7 +73,7 @@ class AutopilotParameters:
         return [self._server.value(answer.name)]
 
     def restart(self) -> None:
-        """Put what is set in force."""
+        """Put the set values in force."""
         self.active = dict(self.values)
 
     def passes_on(self, port: str) -> bool:

@@ -1,8 +1,8 @@
-"""Random numbers that depend only on (seed, stream, index), never on the order of asking.
+"""Random numbers that depend only on (seed, stream, index), never on the order of requests.
 
-A radio program that is killed and started again, the process that computes the truth and a test
-all see the same world, since each random quantity is a hash of its name and number.
-The hash is the finalizer of SplitMix64 (Steele, Lea & Flood, OOPSLA 2014), applied twice.
+Each is a hash of its name and number, so a restarted radio program, the process that computes
+the truth and a test all have the same world. The hash is the finalizer of SplitMix64 (Steele,
+Lea & Flood, OOPSLA 2014), applied twice.
 """
 
 import math
@@ -30,12 +30,7 @@ def stream_key(seed: int, *names: object) -> int:
 
 
 def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
-    """Get uniform numbers in [0, 1) for the given indices of a stream.
-
-    `key`: from `stream_key`.
-    `index`: numbers of the draws, of any shape; negative ones are allowed.
-    Returns: same shape as `index`.
-    """
+    """Uniform numbers in [0, 1) for indices of a stream, of any shape; may be negative."""
     counter = np.atleast_1d(np.asarray(index, dtype=np.int64)).astype(np.uint64)
     # Wrap-around is what the hash wants; NumPy warns of it for scalars only, hence the arrays.
     start = _mix(np.array([key & 0xFFFFFFFFFFFFFFFF], dtype=np.uint64) + _GOLDEN)
@@ -53,7 +48,7 @@ def normal(key: int, index: ArrayLike) -> NDArray[np.float64]:
 
 
 def smooth_normal(key: int, position: float) -> float:
-    """Get a smooth random function of one variable with unit variance.
+    """A smooth random function of one variable with unit variance.
 
     Independent normals at the halves, weighted with a Gaussian of standard deviation 1/2 around
     `position`: the correlation between x and y is exp(-(x - y)²), and the variance is exactly

@@ -1,7 +1,7 @@
 """UDP with the kernel's arrival times.
 
 The autopilot's queue is a matter of milliseconds. On a busy machine this program may wake up
-later than that, so what counts is when a datagram arrived, not when it was read.
+later than that, so the arrival of a datagram counts, not its reading.
 """
 
 import asyncio
@@ -21,10 +21,9 @@ _TIMESPEC = struct.Struct("@ll")
 class DatagramPort:
     """A UDP socket that talks to one peer.
 
-    `peer`: host and port to send to; follows whoever answers from another port.
-    `local_port`: port to bind on the loopback interface; 0 lets the system choose.
-    `on_datagram`: called with the bytes and their arrival time [ns, UTC].
-    `clock`: our clock.
+    `peer`: host and port to send to; updated by answers from another port. `local_port`: port
+    on the loopback interface; 0 lets the system choose. `on_datagram`: called with the bytes
+    and their arrival time [ns, UTC].
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class DatagramPort:
         return number
 
     def send(self, data: bytes) -> None:
-        """Send a datagram; a peer that is not there yet is nothing to worry about."""
+        """Send a datagram; a missing peer is ignored."""
         if self._socket is None:
             return
         try:

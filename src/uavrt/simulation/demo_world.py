@@ -14,27 +14,25 @@ from uavrt.simulation.scenario import Interferer, Radio, Scenario, SimulatedTag
 from uavrt.simulation.world import World
 
 SHORTEST_S = 40.0
-"""Leaves 4.3 s for a leg between two turns."""
+"""Shortest demo [s]; leaves 4.3 s for a leg between two turns."""
 SEARCHED_ENR_DB = 24.0
-"""Likewise, of the animals that are searched for, from home."""
+"""ENR of the searched animals with the antenna on them, from home [dB]."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
-"""A full turn: 46°/s in the mean, 57.7°/s at most."""
+"""Shortest full turn [s]: 46°/s in the mean, 57.7°/s at most."""
 CODED_HZ = 148_640_000.0
-_BESIDE_M = 120.0
+_APART_M = 120.0
 _ABOVE_M = 10.0
 _PEAK_ENR_DB = 33.0
-"""With the antenna on a tag, from the middle of the three points, without fading."""
+"""ENR with the antenna on a tag, from the middle of the three points, without fading [dB]."""
 
 
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
     """Make the demo's world; its plan scales to any duration of at least 40 s.
 
-    `duration_s`: length of the flight [s].
-    `seed`: seed of everything random in the world.
-    `coded`: two animals more, with coded tags.
-    Raises `ConfigError`: `duration_s` is shorter than 40 s: the turns would be faster than
-    60°/s.
+    `duration_s`: length of the flight [s]. `seed`: seed of everything random in the world.
+    `coded`: two more animals, with coded tags. Raises `ConfigError` below 40 s: the turns would
+    be faster than 60°/s.
     """
     if not SHORTEST_S <= duration_s < math.inf:
         raise ConfigError(
@@ -66,12 +64,12 @@ def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
     `first`: world of the first.
     """
     return [
-        replace(first, flight=_beside(first.flight, number * -_BESIDE_M, number * _ABOVE_M))
+        replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
     ]
 
 
-def _beside(flight: Flight, north_m: float, up_m: float) -> Flight:
+def _moved(flight: Flight, north_m: float, up_m: float) -> Flight:
     legs = tuple(
         replace(
             leg,
@@ -86,8 +84,8 @@ def _beside(flight: Flight, north_m: float, up_m: float) -> Flight:
 def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
     """Make the world of ``uavrt demo --search``: three animals, one of them walking.
 
-    The drone hovers over home until it is commanded; from there each animal is heard by an
-    antenna that looks at it, and hardly by one that looks away.
+    The drone hovers over home until it is commanded; from there an antenna turned to an animal
+    receives it, and one turned away hardly does.
 
     `coded`: two of the animals have coded tags, the walking one, too.
     """
@@ -125,8 +123,7 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
 def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
     """Make a world in which the drone hovers over home until it is commanded.
 
-    `scenario`: its flight is not flown.
-    `seconds`: that the world must last.
+    `scenario`: its flight is not flown. `seconds`: length of the world [s].
     """
     return replace(
         scenario,
@@ -136,7 +133,7 @@ def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
 
 
 def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
-    """The thesis's tag, one of two rates and one of another make, each heard all the time."""
+    """The thesis's tag, one of two rates and one of another make, all always received."""
     return (
         SimulatedTag(
             tag_id=2,
@@ -194,7 +191,7 @@ def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
 
 
 def _coded_tags() -> tuple[SimulatedTag, ...]:
-    """Two of one frequency, which only their gaps and burst intervals tell apart."""
+    """Two tags of one frequency, which differ only in their gaps and burst intervals."""
     return (
         SimulatedTag(
             tag_id=12,
@@ -236,7 +233,7 @@ def _turn_s(duration_s: float) -> float:
 
 
 def _move_s(duration_s: float) -> float:
-    """Time of each of the two moves: what the turns leave of four fifths."""
+    """Time of each of the two moves: what the turns leave of four fifths [s]."""
     return (0.8 * duration_s - 3.0 * _turn_s(duration_s)) / 2.0
 
 
@@ -273,7 +270,7 @@ def _flight(duration_s: float) -> Flight:
 
 
 def _amid(duration_s: float) -> Flight:
-    """Standing amid the points."""
+    """Middle of the points."""
     corners = _points(duration_s)
     return Flight(
         north_m=sum(corner[0] for corner in corners) / 3,
@@ -283,7 +280,7 @@ def _amid(duration_s: float) -> Flight:
 
 
 def _levelled(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
-    """Set each tag's power so that its ENR at boresight is the wanted one from a stand."""
+    """Set each tag's power for its wanted ENR at boresight from a place."""
     probe = replace(
         scenario,
         flight=replace(stand, wobble_deg=0.0),

@@ -1,8 +1,8 @@
 """A simulated autopilot that speaks MAVLink to a companion and to a ground station.
 
-It streams the vehicle's pose, answers what a real one answers, and passes messages on between
-its two links as PX4 v1.17 or ArduCopter 4.7 do. Run it alone, with
-``--ground HOST:PORT`` as well for the way to a ground station::
+It streams the vehicle's pose, answers as a real one does, and forwards messages between its two
+links as PX4 v1.17 or ArduCopter 4.7 do. Run it alone, with ``--ground HOST:PORT`` for a ground
+station::
 
     python -m uavrt.simulation.autopilot --scenario FILE --companion HOST:PORT
 """
@@ -42,7 +42,7 @@ log = get_logger()
 Flavour = Literal["px4", "ardupilot"]
 
 BUSY_WAKE_S = 0.004
-"""PX4's main loop in simulation; while messages wait to be forwarded."""
+"""Time between passes while messages wait: PX4's main loop in simulation [s]."""
 IDLE_WAKE_S = 0.010
 HEARTBEAT_NS = ns_from_s(1.0)
 TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
@@ -55,33 +55,34 @@ CAPABILITIES = (
     | MavProtocolCapability.MISSION_FENCE
 )
 REBOOT_NS = ns_from_s(1.5)
-"""Silence while it starts again."""
+"""Silence during a restart [ns]."""
 MAX_LATE_NS = ns_from_s(0.5)
-"""Telemetry later than this is skipped: this program was stopped."""
+"""Age above which telemetry is skipped: this program was stopped [ns]."""
 ARDUPILOT_RING = 256 * 149
 ARDUPILOT_PASS_NS = 1_000
-"""ArduPilot has no such queue; 1000 messages without a gap overran its socket at 256."""
+"""Time between forwarded messages of ArduPilot, which has no such queue [ns]. 1000 messages
+without a gap overran its socket at 256."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotSettings:
-    """What kind of autopilot, and how good its links are."""
+    """Kind of autopilot, and quality of its links."""
 
     companion: tuple[str, int]
-    """Where the companion listens, as PX4's onboard link sends to 14540."""
+    """Address of the companion; PX4's onboard link sends to 14540."""
     ground: tuple[str, int] | None = None
-    """Where the ground station listens, as PX4's ground link sends to 14550."""
+    """Address of the ground station; PX4's ground link sends to 14550."""
     flavour: Flavour = "px4"
     system_id: int = 1
     unique_number: int = 0x75617672
-    """As AUTOPILOT_VERSION tells it."""
+    """Number in AUTOPILOT_VERSION."""
     companion_port: int = 0
     """Own port towards the companion; 0: any."""
     ground_port: int = 0
     clock_skew_ppm: float = 0.0
-    """How much faster the boot clock runs than UTC; PX4 in simulation: -15 000."""
+    """Rate of the boot clock over UTC, less one [ppm]; PX4 in simulation: -15 000."""
     mute_clock: bool = False
-    """TIMESYNC is not answered."""
+    """Leave TIMESYNC unanswered."""
     boot_time_s: float = 20.0
     """Boot time at the start."""
     companion_jitter_s: float = 0.0
@@ -92,15 +93,15 @@ class AutopilotSettings:
     seed: int = 1
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
-    """Parameters that differ from the maker's."""
+    """Parameters that differ from the defaults."""
     flies: bool = False
-    """Hover where the flight begins, and fly what is commanded; else the scenario's flight."""
+    """Hover where the flight begins, and fly commands; else the scenario's flight."""
     sticks: bool = False
-    """A remote control is switched on, its sticks in the middle."""
+    """Whether a remote control is switched on, its sticks in the middle."""
     on_ground: bool = False
-    """With ``flies``: it stands on the ground and waits to be armed."""
+    """With ``flies``: stand on the ground and wait to be armed."""
     path: Path | None = None
-    """File in which the vehicle that flies leaves where it was, for the simulated radio."""
+    """File to which a commanded vehicle writes its path, for the simulated radio."""
 
 
 class _Side:
@@ -154,7 +155,7 @@ class FakeAutopilot:
             "ground", settings, loss=settings.ground_loss, jitter_s=settings.ground_jitter_s
         )
         self.flown: Flown | None = None
-        """What flies by itself, where it does."""
+        """The vehicle that flies commands, if any."""
         if settings.flies:
             self.flown = Flown(
                 vehicle(clock.now_ns()),
@@ -195,7 +196,7 @@ class FakeAutopilot:
                 side.port.close()
 
     def reboot(self) -> None:
-        """Start again: boot time from zero, default streams, silence for a while."""
+        """Restart: boot time from zero, default streams, silence for a while."""
         now_ns = self._clock.now_ns()
         self._booted_ns = self._silent_until_ns = now_ns + REBOOT_NS
         self._restart_streams()
@@ -213,18 +214,18 @@ class FakeAutopilot:
         return self._booted_ns + round(elapsed)
 
     def operator_lost(self, now_ns: int) -> bool:
-        """Whether the failsafe for a lost ground station would act, had there been one."""
+        """Whether the failsafe for a lost ground station would act."""
         heard_ns = self._operator_heard_ns
         return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
 
     def _is_operator(self, message: dialect.Heartbeat, frame: Frame) -> bool:
-        """Whose heartbeat counts: PX4 1.17 goes by the type, ArduPilot by MAV_GCS_SYSID."""
+        """Whether a heartbeat counts: PX4 1.17 uses the type, ArduPilot MAV_GCS_SYSID."""
         if self._px4:
             return message.type == dialect.MavType.GCS
         return frame.system_id == GCS_SYSTEM_ID
 
     def counters(self) -> dict[str, int]:
-        """What was passed on and lost, for the attribution of losses."""
+        """Counts of messages forwarded and lost, to attribute losses."""
         return {
             "forwarded_to_ground": self.ground.ring.forwarded,
             "dropped_to_ground": self.ground.ring.dropped,
@@ -237,7 +238,7 @@ class FakeAutopilot:
     def step(self, now_ns: int) -> None:
         """Do what is due."""
         if self.flown is not None and self.flown.advance(now_ns):
-            # ArduPilot tells a change of mode at once.
+            # ArduPilot reports a change of mode at once.
             self._heartbeat_ns = self._heartbeat_ns if self._px4 else 0
         if now_ns < self._silent_until_ns:
             return
@@ -265,7 +266,7 @@ class FakeAutopilot:
         return take
 
     def _later(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Do something at a time; at once when it has come."""
+        """Do something at a time, or at once if it has come."""
         wait_s = (time_ns - self._clock.now_ns()) / 1e9
         if wait_s <= 0.0:
             action()
@@ -273,7 +274,7 @@ class FakeAutopilot:
             asyncio.get_running_loop().call_later(wait_s, action)
 
     def receive(self, side: _Side, frame: Frame, arrival_ns: int) -> None:
-        """Handle a frame of a link: answer it, pass it on, or both."""
+        """Handle a frame of a link: answer it, forward it, or both."""
         if arrival_ns < self._silent_until_ns:
             return
         side.routes.saw(frame)
@@ -301,7 +302,7 @@ class FakeAutopilot:
         return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
 
     def _forward(self, side: _Side, now_ns: int) -> None:
-        """Let the main loop's passes happen up to a time."""
+        """Run the main loop's passes up to a time."""
         for frame in side.ring.passes(now_ns):
             self._emit(side, frame.raw)
 
@@ -329,7 +330,7 @@ class FakeAutopilot:
             side.due_ns[message_id] = due_ns
 
     def _telemetry(self, message_id: int, boot_ms: int, time_ns: int) -> Message | None:
-        """Write a message; None where there is nothing to tell."""
+        """Write a message; None without data."""
         if message_id == dialect.Heartbeat.ID:
             return self._heartbeat()
         if self.flown is not None and message_id in FLOWN_IDS:
@@ -410,7 +411,7 @@ class FakeAutopilot:
             self.reboot()
 
     def _fact(self, message_id: int) -> Message:
-        """What is told when it is asked for: which autopilot this is, its home, its battery."""
+        """Answer a request for the autopilot's identity, its home or its battery."""
         if message_id == dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(
                 capabilities=CAPABILITIES,

@@ -1,4 +1,4 @@
-"""Where the simulated drone is: a list of legs, each smooth in position and heading."""
+"""Path of the simulated drone: a list of legs, each smooth in position and heading."""
 
 import math
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ _MOVE_EASE = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg(ScenarioRecord):
-    """A stretch of flight that starts and ends at rest; what is not named stays as it is."""
+    """A stretch of flight that starts and ends at rest; omitted values stay as they are."""
 
     duration_s: Annotated[float, Gt(0)]
     north_m: float | None = None
-    """Where the leg ends, from home."""
+    """End of the leg, from home [m]."""
     east_m: float | None = None
     height_m: Annotated[float, Ge(0)] | None = None
     turn_deg: float = 0.0
@@ -34,7 +34,7 @@ class Flight(ScenarioRecord):
     """The whole flight; before the first leg and after the last the drone stays."""
 
     north_m: float = 0.0
-    """Where it starts, from home."""
+    """Start, from home [m]."""
     east_m: float = 0.0
     height_m: Annotated[float, Ge(0)] = 0.0
     heading_deg: float = 0.0
@@ -63,7 +63,8 @@ class VehicleState:
 def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
     """Path share, its first and second derivative, of a leg with smooth ends.
 
-    The speed rises as 3x² - 2x³ during the share `ease` and falls likewise in the last one.
+    The speed rises as 3x² - 2x³ during the first share `ease` and falls in the same way in the
+    last.
     """
     top = 1.0 / (1.0 - ease)
     if time_share <= 0.0:

@@ -25,7 +25,7 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""PX4 1.17 sends CURRENT_MODE at 2 Hz whatever is asked."""
+"""Period of PX4 1.17's CURRENT_MODE, whatever is requested [ns]."""
 FLOWN_IDS = frozenset(
     {
         dialect.GlobalPositionInt.ID,
@@ -44,17 +44,16 @@ ASKED_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
     "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""What can be asked for: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE; each has its wind."""
+"""Messages that can be requested: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
 CENTRE_US = 1500
 
 
 class Flown:
     """The vehicle in real time.
 
-    `start`: where it hovers until it is commanded.
-    `sticks`: a remote control is switched on.
-    `path`: file in which it leaves where it was (`uavrt.simulation.flown_path`).
-    `on_ground`: it stands below its start, disarmed, instead.
+    `start`: where it hovers until it is commanded. `sticks`: a remote control is switched on.
+    `path`: file to which it writes its path (`uavrt.simulation.flown_path`). `on_ground`: it
+    stands below its start, disarmed, instead.
     """
 
     def __init__(
@@ -80,14 +79,14 @@ class Flown:
         )
         self.channels_us = (CENTRE_US,) * 4 if sticks else ()
         self._time_ns = start.time_ns
-        self._mode_told = self.vehicle.mode
+        self._mode_reported = self.vehicle.mode
         self._writer = None if path is None else PathWriter(path)
 
     def advance(self, now_ns: int) -> bool:
         """Fly until now; True when the mode has changed."""
         mode = self.vehicle.mode
-        changed = mode != self._mode_told
-        self._mode_told = mode
+        changed = mode != self._mode_reported
+        self._mode_reported = mode
         gone: list[tuple[Pose, float]] = []
         while self._time_ns + STEP_NS <= now_ns:
             self._time_ns += STEP_NS
@@ -141,7 +140,7 @@ class Flown:
         )
 
     def status(self) -> dialect.SysStatus:
-        """What is left in the battery."""
+        """Battery status."""
         return dialect.SysStatus(
             load=300,
             voltage_battery=16_200,

@@ -1,8 +1,8 @@
-"""Where a vehicle that flies commands was, in a file: the autopilot writes, the radio reads.
+"""Path of a commanded vehicle in a file: the autopilot writes, the radio reads.
 
-The simulated autopilot adds a record for each of its steps, 50 a second; the simulated radio
-reads what was added, so that the strength of a pulse is that of the place where the drone is. A
-file outlives either program, needs no port, and is the truth of the flight afterwards.
+The simulated autopilot adds 50 records a second; the simulated radio reads them, so that the
+strength of a pulse depends on the drone's true place. A file outlives either program, needs no
+port, and is the truth of the flight afterwards.
 """
 
 import bisect
@@ -19,22 +19,19 @@ from uavrt.units import wrap_degrees_180, wrap_degrees_360
 _RECORD = struct.Struct("<q4d")
 """Time [ns, UTC], latitude, longitude [deg], altitude above sea level [m], heading [deg]."""
 _AHEAD_S = 0.5
-"""Longest that a motion is carried on beyond the last record: a radio's buffer is 0.02 s."""
+"""Longest extrapolation beyond the last record [s]; a radio's buffer is 0.02 s."""
 _STEP_NS = 10_000_000
 
 
 class PathWriter:
-    """Adds to the file; what is there from a run before is removed.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Writes a new file, replacing one of a previous run; raises `OSError`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         path.write_bytes(b"")
 
     def add(self, poses: Iterable[tuple[Pose, float]]) -> None:
-        """Add where the vehicle was, each pose with its heading [deg]."""
+        """Add places of the vehicle, each pose with its heading [deg]."""
         records = [
             _RECORD.pack(
                 pose.time_ns,
@@ -50,11 +47,10 @@ class PathWriter:
 
 
 class FlownPath:
-    """The vehicle's state at any time, by what is in the file so far.
+    """The vehicle's state at any time, by the file so far.
 
-    `path`: of the file; it need not be there yet.
-    `plane`: around the scenario's home.
-    `keep_s`: length that is remembered; None: all.
+    `path`: of the file, which may not exist yet. `plane`: around the scenario's home. `keep_s`:
+    length that is kept; None: all.
     """
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
@@ -66,10 +62,9 @@ class FlownPath:
         """North, east, up [m] from home, heading [deg]."""
 
     def state(self, time_ns: int) -> VehicleState | None:
-        """Where it was, or is; None while nothing is written.
+        """State at a time; None while nothing is written.
 
-        Between two records the motion is straight; after the last it is carried on for half a
-        second at most.
+        Linear between records; extrapolated for half a second at most after the last.
         """
         if not self._times_ns or self._times_ns[-1] < time_ns:
             self._read()
@@ -101,7 +96,7 @@ class FlownPath:
         return north, east, up, wrap_degrees_360(heading)
 
     def _read(self) -> None:
-        """Take what was added; half a record waits for its end."""
+        """Read new records; a partial one waits for its end."""
         try:
             with self._path.open("rb") as file:
                 file.seek(self._read_to)

@@ -1,9 +1,9 @@
-"""How an autopilot passes messages on, and how links lose and delay them.
+"""How an autopilot forwards messages, and how links lose and delay them.
 
 PX4 v1.17 puts forwarded messages in a ring of 2 × sizeof(mavlink_message_t) + 1 = 583 bytes for
 each outgoing link and takes one out per pass of that link's main loop, 4 ms in simulation; what
-does not fit is dropped without a word. This is the only loss on its way and explains the
-thesis's Tables 5.10 to 5.13.
+does not fit is dropped silently. This is the only loss in PX4 and explains the thesis's Tables
+5.10 to 5.13.
 """
 
 import random
@@ -24,11 +24,10 @@ in a burst, as measured."""
 class ForwardRing:
     """Queue towards one link: bounded in bytes, emptied one message per pass.
 
-    Time is given from outside, so that a late wake-up of this program loses nothing that the
-    real loop would not: call `passes` with the arrival time before each `push`.
+    Call `passes` with the arrival time before each `push`, so that a late wake-up of this
+    program loses nothing that the real loop would not.
 
-    `capacity_bytes`: size of the ring.
-    `pass_ns`: duration of the main loop [ns].
+    `capacity_bytes`: size of the ring. `pass_ns`: duration of the main loop [ns].
     """
 
     def __init__(self, capacity_bytes: int = RING_BYTES, pass_ns: int = PASS_NS) -> None:
@@ -72,7 +71,7 @@ class ForwardRing:
 
 
 class Routes:
-    """Which components were seen on a link: only they are sent addressed messages."""
+    """Components seen on a link: only they are sent addressed messages."""
 
     def __init__(self) -> None:
         self._seen: set[tuple[int, int]] = set()
@@ -82,7 +81,7 @@ class Routes:
         self._seen.add((frame.system_id, frame.component_id))
 
     def leads_to(self, system_id: int, component_id: int) -> bool:
-        """Return whether a message with this target belongs on the link."""
+        """Whether a message with this target belongs on the link."""
         if system_id == 0:
             return True
         return any(

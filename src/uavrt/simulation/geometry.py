@@ -1,4 +1,4 @@
-"""Quaternions and a local tangent plane, as the simulator needs them.
+"""Quaternions and a local tangent plane for the simulator.
 
 Kept apart from `uavrt.pose` on purpose: the truth must not share the code that it checks.
 """

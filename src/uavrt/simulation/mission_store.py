@@ -1,7 +1,7 @@
 """Missions and fences of the simulated autopilot, by MAVLink's mission protocol.
 
-It keeps what is uploaded and gives it back; it flies no missions. One upload at a time, as on
-PX4 and ArduPilot; a whole new list replaces the old one at once.
+It stores uploads and returns them; it flies no missions. One upload at a time, as on PX4 and
+ArduPilot; a complete new list replaces the old one at once.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ class _Upload:
 
 
 class MissionStore:
-    """The state of the store.
+    """State of the store.
 
     `flavour`: ArduPilot keeps home as the first item of its mission, and reports a wrong
     sequence.
@@ -74,7 +74,7 @@ class MissionStore:
         return True
 
     def tick(self, now_s: float) -> None:
-        """Ask again for an item that did not come, or give up."""
+        """Repeat the request for a missing item, or give up."""
         upload = self._upload
         if upload is None:
             return
@@ -152,7 +152,7 @@ class MissionStore:
         send(dialect.MissionItemInt(**(values | _to(sender, kind) | {"seq": message.seq})))
 
     def _end(self, message: dialect.MissionAck, sender: Place) -> None:
-        """Forget an upload that its sender has cancelled."""
+        """Drop an upload that its sender has cancelled."""
         upload = self._upload
         if upload is not None and upload.sender == sender and message.type:
             self._upload = None

@@ -29,7 +29,7 @@ class Wall(ScenarioRecord):
     """A long flat reflector standing upright: a building front, a cliff."""
 
     north_m: float
-    """A point of the wall, from home."""
+    """A point of the wall, from home [m]."""
     east_m: float
     facing_deg: float
     """Compass direction of its normal; only that side reflects."""
@@ -52,7 +52,7 @@ class Fading(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation(ScenarioRecord):
-    """How waves travel in this world."""
+    """Propagation of waves in this world."""
 
     model: Literal["log_distance", "two_ray"] = "log_distance"
     exponent: Annotated[float, Ge(1), Le(6)] = 2.0
@@ -67,14 +67,14 @@ class Propagation(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Link:
-    """What one pulse meets on its way."""
+    """Propagation of one pulse."""
 
     distance_m: float
     """Straight from the tag to the antenna."""
     bearing_deg: float
     """Compass direction from the antenna to the tag, true."""
     elevation_deg: float
-    """Of the tag as seen from the antenna; negative below."""
+    """Elevation of the tag from the antenna [deg]; negative below."""
     off_boresight_deg: float
     gain_db: float
     """Received over radiated power: spreading, reflections, antenna and polarization."""
@@ -83,10 +83,7 @@ class Link:
 def ground_reflection(
     propagation: Propagation, grazing_rad: float, frequency_hz: float, *, horizontal: bool
 ) -> complex:
-    """Fresnel coefficient of the ground.
-
-    The complex permittivity is ε - j·18·10⁹·σ/f.
-    """
+    """Fresnel coefficient of the ground, of permittivity ε - j·18·10⁹·σ/f."""
     permittivity = complex(
         propagation.ground_permittivity,
         -18e9 * propagation.ground_conductivity_s_m / frequency_hz,
@@ -158,7 +155,7 @@ def _rays(
         grazing = math.atan2(sum(heights_m), max(over_ground, 1e-9))
         straight = math.hypot(over_ground, heights_m[0] - heights_m[1])
         longer = math.hypot(over_ground, sum(heights_m)) - straight
-        # The image that is so much farther away, straight beneath the tag.
+        # The image farther away by that path, straight beneath the tag.
         away = geometry.length(geometry.subtract(tag, antenna)) + longer
         image = (tag[0], tag[1], antenna[2] + math.sqrt(max(away**2 - over_ground**2, 0.0)))
         yield (

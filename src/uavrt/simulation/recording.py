@@ -33,7 +33,7 @@ TELEMETRY_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRecording:
-    """Where everything was written."""
+    """Paths of all files written."""
 
     data: Path
     metadata: Path
@@ -45,9 +45,9 @@ class SimulatedRecording:
     samples: int
     pulses: int
     outside: tuple[int, ...]
-    """Tags on frequencies that the recorded band does not reach."""
+    """Tags on frequencies outside the recorded band."""
     cut: tuple[int, ...]
-    """Tags of which TagInfo.txt holds less than `tags`: a second interval, or a code."""
+    """Tags of which TagInfo.txt has less than `tags`: a second interval, or a code."""
 
 
 def simulate_to_directory(
@@ -61,14 +61,12 @@ def simulate_to_directory(
 ) -> SimulatedRecording:
     """Record a scenario from its start.
 
-    `directory`: made if need be; must not hold anything yet.
-    `duration_s`: length [s]; by default the scenario's.
-    `sample_format`: little-endian pairs of float32, or of int16 with 32767 for full scale.
-    `sample_rate_hz`: sample rate [Hz]; by default the scenario's.
-    `on_progress`: called with the samples written and their total.
-    Raises `ConfigError`: the length or the rate is not positive.
-    Raises `RecordingError`: the directory cannot be written, is not empty, or has too little
-    space.
+    `directory`: made on demand; must be empty. `duration_s`: length [s]; by default the
+    scenario's. `sample_format`: little-endian pairs of float32, or of int16 with 32767 for full
+    scale. `sample_rate_hz`: sample rate [Hz]; by default the scenario's. `on_progress`: called
+    with the samples written and their total. Raises `ConfigError` unless length and rate are
+    positive, `RecordingError` if the directory cannot be written, is not empty, or has too
+    little space.
     """
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)
@@ -133,7 +131,7 @@ def _record(
             tag.tag_id for tag in scenario.tags if not synthesizer.in_band(tag.frequency_hz)
         ),
     )
-    # The small files first: if the disk fills up, what is there can still be understood.
+    # The small files first: if the disk fills up, they describe the samples there.
     write_scenario(scenario, result.scenario)
     if scenario.tags:
         # TagInfo.txt has no column for a second interval: there a tag has its first one only.

@@ -1,8 +1,8 @@
-"""Hills of the simulated world: heights of the ground, and what they take from a wave.
+"""Hills of the simulated world: heights of the ground, and their diffraction loss.
 
 The heights come from elevation files or a function. The loss is Bullington's of Recommendation
-ITU-R P.526-15 (§4.5.1), by Fresnel's integrals themselves, less what the same construction
-gives over level ground: the reflected ray stands for that.
+ITU-R P.526-15 (§4.5.1), by Fresnel's integrals themselves, less that over level ground, which
+the reflected ray represents.
 """
 
 import math
@@ -31,10 +31,10 @@ class Terrain(ScenarioRecord):
     """The ground, when it is not level."""
 
     dem: str | None = None
-    """An elevation file or a folder of them; heights of the flight count from the ground at
+    """An elevation file or a folder of them. Heights of the flight count from the ground at
     home, heights of tags from the ground beneath them."""
     sea: bool = False
-    """What no file covers is water at height 0."""
+    """Whether areas outside the files are water at height 0."""
 
 
 class Relief:
@@ -46,10 +46,7 @@ class Relief:
 
     @classmethod
     def of_files(cls, terrain: Terrain, plane: geometry.TangentPlane) -> "Relief | None":
-        """Open elevation files; None where the scenario names none.
-
-        Raises `FormatError`: they cannot be read.
-        """
+        """Open elevation files; None without any; raises `FormatError` if unreadable."""
         if terrain.dem is None:
             return None
         elevation = open_elevation(Path(terrain.dem), sea=terrain.sea)
@@ -60,7 +57,7 @@ class Relief:
                 for north, east in zip(north_m, east_m, strict=True)
             ]
             found = elevation.heights_m([one[0] for one in places], [one[1] for one in places])
-            # A void is as high as what is beside it along the way.
+            # A void takes the height of its neighbour along the path.
             known = np.isfinite(found)
             at = np.arange(len(found))
             return np.interp(at, at[known], found[known]) if known.any() else np.zeros(len(at))
@@ -68,13 +65,13 @@ class Relief:
         return cls(heights)
 
     def height_m(self, north_m: float, east_m: float) -> float:
-        """Ground over that of home."""
+        """Height of the ground over that of home [m]."""
         return float(self._heights(np.array([north_m]), np.array([east_m]))[0]) - self._home_m
 
     def loss_db(
         self, drone: geometry.Vector, tag: geometry.Vector, wavelength_m: float
     ) -> float:
-        """What the ground between takes, beyond what level ground would.
+        """Loss by the ground in between, beyond that of level ground [dB].
 
         `drone`, `tag` (north, east, down): from the ground at home [m].
         """

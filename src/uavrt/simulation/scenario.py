@@ -1,7 +1,7 @@
 """The simulated world as data: tags, antenna, propagation, interferers, flight, radio.
 
-A `Scenario` is frozen and says everything; whatever happens in it is a function of the scenario
-and of absolute time, so a radio program that is started again continues the same world.
+A `Scenario` is frozen and complete: the world is a function of the scenario and of absolute
+time, so a restarted radio program continues the same world.
 """
 
 from dataclasses import dataclass, field, replace
@@ -40,7 +40,7 @@ class Radio(ScenarioRecord):
 
     sample_rate_hz: Positive = 3_000_000.0
     center_frequency_hz: Carrier | None = None
-    """Where the radio is tuned unless its command line says so; None: amid the tags."""
+    """Radio frequency, unless the command line sets it [Hz]; None: amid the tags."""
     gain: Annotated[int, Ge(0), Le(21)] = 21
     gain_step_db: Annotated[float, Ge(0), Le(6)] = 2.0
     noise_figure_db: Annotated[float, Ge(0), Le(60)] = 8.0
@@ -52,9 +52,9 @@ class Radio(ScenarioRecord):
     sample_rate_error_ppm: Annotated[float, Ge(-200), Le(200)] = 0.0
     tuning_error_ppm: Annotated[float, Ge(-200), Le(200)] = 0.0
     loss_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
-    """Share of the samples that the stand-in radio loses without a word."""
+    """Share of the samples that the stand-in radio loses silently."""
     loss_s: Annotated[float, Ge(1e-4), Le(10)] = 0.005
-    """Length of each loss."""
+    """Length of each loss [s]."""
     arrival_jitter_s: Annotated[float, Ge(0), Le(0.1)] = 0.0
     """Mean delay of each write of the stand-in radio, exponential."""
     stall_share: Annotated[float, Ge(0), Le(0.5)] = 0.0
@@ -70,23 +70,23 @@ class SimulatedTag(ScenarioRecord):
     pulse_width_s: Annotated[float, Gt(0), Le(1)]
     pulse_intervals_s: Annotated[tuple[Positive, ...], Len(1, 2)]
     interval_uncertainty_s: NonNegative | None = None
-    """None: 0, and for a coded tag what the trade allows, as in a tag file."""
+    """None: 0, and for a coded tag the usual tolerance, as in a tag file."""
     interval_jitter_s: NonNegative = 0.0
     k: Annotated[int, Ge(1)] | None = None
     """None: 3, and 10 bursts of a coded tag."""
     false_alarm_probability: Annotated[float, Gt(0), Le(1)] = DEFAULT_FALSE_ALARM_PROBABILITY
     name: str | None = None
     gaps_s: tuple[Positive, ...] = ()
-    """Of a coded tag: from pulse to pulse within a burst; its interval is that of bursts."""
+    """Gaps between pulses of a coded tag's burst [s]; its interval is that of bursts."""
 
     listed: bool = True
-    """False makes it a neighbour that the operator does not look for."""
+    """Whether the operator searches for it; False makes it a neighbour."""
     north_m: float = 0.0
-    """Place at the start, from home."""
+    """Place at the start, from home [m]."""
     east_m: float = 0.0
     height_m: NonNegative = 0.5
     speed_m_s: NonNegative = 0.0
-    """Of an animal that walks straight on."""
+    """Speed of an animal that walks straight on [m/s]."""
     heading_deg: float = 0.0
     erp_dbm: Annotated[float, Ge(-120), Le(40)] = -30.0
     """Radiated power, equal in all directions."""
@@ -95,22 +95,22 @@ class SimulatedTag(ScenarioRecord):
     water_depth_m: NonNegative = 0.0
     water_conductivity_s_m: NonNegative = 0.01
     extra_loss_db: float = 0.0
-    """Leaves, a burrow, the body of the animal."""
+    """Loss by leaves, a burrow, the body of the animal [dB]."""
     frequency_offset_hz: float = 0.0
     """The crystal's error; the one in ppm is added."""
     frequency_offset_ppm: Annotated[float, Ge(-1000), Le(1000)] = 0.0
     frequency_drift_hz_s: float = 0.0
     true_pulse_width_s: Annotated[float, Gt(0), Le(1)] | None = None
     interval_error_s: float = 0.0
-    """Added to every interval."""
+    """Error added to every interval [s]."""
     crystal_error_ppm: Annotated[float, Ge(-20_000), Le(20_000)] = 0.0
-    """Stretches all gaps and intervals alike."""
+    """Relative error of all gaps and intervals [ppm]."""
     jitter_s: NonNegative = 0.0
     """Each pulse is off by up to this much, evenly distributed, not accumulating."""
     first_pulse_s: NonNegative = 0.5
     """Start of the first pulse after the scenario's start."""
     rate_switches_s: tuple[NonNegative, ...] = ()
-    """Times at which the tag goes over to its other rate; it starts with rate 1."""
+    """Times at which the tag changes to its other rate; it starts with rate 1."""
     rate_pattern: tuple[Annotated[int, Ge(1), Le(2)], ...] = ()
     """Rates of consecutive intervals, repeated for ever, instead of switch times."""
 
@@ -135,15 +135,15 @@ class SimulatedTag(ScenarioRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interferer(ScenarioRecord):
-    """Something else that the radio hears."""
+    """Another source that the radio receives."""
 
     kind: Literal["carrier", "impulses"]
     frequency_hz: Carrier | None = None
-    """Carrier: its frequency."""
+    """Frequency of a carrier [Hz]."""
     power_dbm: Annotated[float, Ge(-200), Le(0)] = -130.0
     """Carrier: power at the antenna connector. Impulses: power while one lasts."""
     impulses_per_s: NonNegative = 0.0
-    """Mean rate; they come at random."""
+    """Mean rate of random impulses [1/s]."""
     impulse_width_s: Annotated[float, Gt(0), Le(0.01)] = 1e-6
 
 
@@ -180,7 +180,7 @@ class Scenario(ScenarioRecord):
 
     @property
     def center_frequency_hz(self) -> float:
-        """Where the radio is tuned unless told otherwise [Hz]."""
+        """Radio frequency by default [Hz]."""
         if self.radio.center_frequency_hz is not None:
             return self.radio.center_frequency_hz
         frequencies = [tag.frequency_hz for tag in self.tag] or [150e6]
@@ -232,10 +232,7 @@ class Scenario(ScenarioRecord):
         return (tag.north_m + north, tag.east_m + east, -tag.height_m)
 
     def tag_position(self, tag_id: int, time_ns: int) -> tuple[float, float]:
-        """Latitude and longitude of a tag [deg].
-
-        Raises `KeyError`: the scenario has no such tag.
-        """
+        """Latitude and longitude of a tag [deg]; raises `KeyError` without such a tag."""
         for tag in self.tag:
             if tag.tag_id == tag_id:
                 return self.plane.to_geodetic(*self.tag_position_ned_m(tag, time_ns)[:2])

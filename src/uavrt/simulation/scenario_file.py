@@ -15,11 +15,9 @@ from uavrt.simulation.scenario import Scenario
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Read a scenario file.
+    """Read a scenario file (TOML, docs/reference/scenario.md).
 
-    `path`: a TOML file as docs/reference/scenario.md describes it.
-    Raises `ConfigError`: the file cannot be read, or has faults; all of them are listed with
-    their place.
+    Raises `ConfigError`, which lists all faults with their place.
     """
     try:
         text = read_file(path, SETTINGS).decode()
@@ -33,15 +31,12 @@ def load_scenario(path: str | Path) -> Scenario:
     dem = scenario.terrain.dem
     if dem is None:
         return scenario
-    beside = str((Path(path).parent / dem).resolve())
-    return replace(scenario, terrain=replace(scenario.terrain, dem=beside))
+    dem_path = str((Path(path).parent / dem).resolve())
+    return replace(scenario, terrain=replace(scenario.terrain, dem=dem_path))
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
-    """Make a scenario from the text of a scenario file.
-
-    Raises `ConfigError`: the text has faults; all of them are listed with their place.
-    """
+    """Make a scenario from a scenario file's text; raises `ConfigError` with all faults."""
     # Pydantic costs 0.1 s to import; those who build a Scenario in Python do without it.
     from pydantic import TypeAdapter, ValidationError
 
@@ -137,10 +132,7 @@ def scenario_faults(scenario: Scenario) -> list[str]:
 
 
 def write_scenario(scenario: Scenario, path: str | Path) -> None:
-    """Write a scenario file; `load_scenario` gives an equal scenario back.
-
-    Raises `OSError`: the file cannot be written.
-    """
+    """Write a scenario file, from which `load_scenario` reads an equal one."""
     Path(path).write_text(scenario_toml(scenario), encoding="utf-8")
 
 
@@ -151,7 +143,7 @@ def scenario_toml(scenario: Scenario) -> str:
 
 
 def _table_lines(name: str, record: object) -> list[str]:
-    """Lines of one table: plain values first, then the tables in it, as TOML wants."""
+    """Lines of one table: plain values first, then its tables, as TOML requires."""
     plain: list[str] = []
     nested: list[str] = []
     assert is_dataclass(record)

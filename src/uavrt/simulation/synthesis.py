@@ -1,7 +1,7 @@
 """Samples of the simulated radio: thermal noise, pulses, interferers, the radio's own faults.
 
 Samples are made in chunks on a fixed grid of the absolute sample index, each with its own
-random generator, so any block at any time comes out bit for bit the same, whoever asks.
+random generator, so any block at any time is reproducible bit for bit.
 """
 
 import math
@@ -17,7 +17,7 @@ from uavrt.simulation.scenario import Interferer, Scenario, SimulatedTag
 from uavrt.simulation.world import TruePulse, World, full_scale_factor
 
 CHUNK_SAMPLES = 65_536
-"""As many as airspy_rx writes at a time: one USB buffer of 262 144 bytes."""
+"""Samples of one write of airspy_rx: a USB buffer of 262 144 bytes."""
 _PHASOR_STEP = 256
 _IMPULSE_SLOT_S = 0.1
 
@@ -26,13 +26,11 @@ SampleFormat = Literal["cf32", "cs16"]
 
 
 class IQSynthesizer:
-    """Complex samples of a scenario as a radio tuned to some frequency would give them.
+    """Complex samples of a scenario from a radio tuned to some frequency.
 
-    `scenario`: the world; sample 0 is taken at its start.
-    `center_frequency_hz`: where the radio is tuned [Hz]; by default where the scenario says.
-    `sample_rate_hz`: nominal sample rate [Hz]; by default the scenario's.
-    `gain`: gain step 0 to 21; by default the scenario's.
-    `path`: where the drone really is, when it flies by commands.
+    `scenario`: the world; sample 0 is taken at its start. `center_frequency_hz`,
+    `sample_rate_hz`, `gain` (step 0 to 21): by default the scenario's. `path`: the drone's true
+    path, when it flies by commands.
     """
 
     def __init__(
@@ -72,12 +70,9 @@ class IQSynthesizer:
         self._chunk = np.empty(CHUNK_SAMPLES, dtype=np.complex64)
 
     def block(self, first_sample_index: int, count: int) -> NDArray[np.complex64]:
-        """Get consecutive samples.
+        """Get `count` consecutive samples as a new array, full scale 1.0.
 
-        `first_sample_index`: index of the first sample since the scenario's start; before it
-        there is noise.
-        `count`: how many.
-        Returns (count,): samples, full scale 1.0; a new array.
+        `first_sample_index`: since the scenario's start; before it there is noise.
         """
         result = np.empty(count, dtype=np.complex64)
         done = 0
@@ -89,10 +84,7 @@ class IQSynthesizer:
         return result
 
     def chunk(self, chunk_index: int) -> NDArray[np.complex64]:
-        """Get one chunk of the fixed grid; valid until the next call, not to be changed.
-
-        Returns: shape (CHUNK_SAMPLES,).
-        """
+        """Get one chunk (CHUNK_SAMPLES,) of the grid; read-only, valid until the next call."""
         if chunk_index != self._chunk_index:
             self._make_chunk(chunk_index)
             self._chunk_index = chunk_index
@@ -109,7 +101,7 @@ class IQSynthesizer:
         )
 
     def in_band(self, frequency_hz: float) -> bool:
-        """Whether a frequency is within what the radio samples."""
+        """Whether a frequency is within the sampled band."""
         return abs(frequency_hz - self.true_center_hz) < self.true_sample_rate_hz / 2
 
     def _make_chunk(self, chunk_index: int) -> None:
@@ -133,7 +125,7 @@ class IQSynthesizer:
             np.clip(parts, -1.0, 1.0, out=parts)
 
     def _add_pulses(self, first: int) -> float:
-        """Add what falls into the chunk; return the sum of the amplitudes."""
+        """Add the pulses of a chunk; return the sum of the amplitudes."""
         start_s = first / self.true_sample_rate_hz
         end_s = (first + CHUNK_SAMPLES) / self.true_sample_rate_hz
         total = 0.0
@@ -157,7 +149,7 @@ class IQSynthesizer:
     def _pulse_samples(
         self, tag: SimulatedTag, index: int
     ) -> tuple[int, NDArray[np.complex64]]:
-        """Index of the first sample and all samples of a pulse, kept until it is over."""
+        """Index of the first sample and all samples of a pulse, cached until it is over."""
         key = (tag.tag_id, index)
         if key not in self._pulses:
             self._pulses[key] = self._synthesize(self.world.pulse(tag, index))
@@ -239,11 +231,9 @@ class _Carrier:
 def phasor(
     turns_per_sample: float, count: int, phase_rad: float, amplitude: float
 ) -> NDArray[np.complex64]:
-    """Make a complex tone as the outer product of a coarse and a fine phasor.
+    """Make a complex tone (count,) as the outer product of a coarse and a fine phasor.
 
     One complex multiplication a sample in place of a sine and a cosine: 1 ns against 25 ns.
-
-    Returns: shape (count,).
     """
     fine = np.exp(2j * np.pi * turns_per_sample * np.arange(_PHASOR_STEP))
     starts = np.arange(0, count, _PHASOR_STEP)

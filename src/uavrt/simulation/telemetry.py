@@ -8,10 +8,7 @@ from uavrt.messages import Pose
 
 
 def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
-    """What is streamed unasked [ns between messages].
-
-    ArduPilot streams nothing but heartbeats until it is asked.
-    """
+    """Period of default streams [ns]; ArduPilot streams only heartbeats by default."""
     if flavour == "ardupilot":
         return {}
     rates_hz = {
@@ -34,10 +31,8 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
     """Write one telemetry message.
 
-    `message_id`: which.
-    `pose`: of the vehicle at that instant.
-    `boot_ms`: boot time of the instant [ms].
-    Raises `KeyError`: no such message is streamed.
+    `pose`: of the vehicle at that instant. `boot_ms`: boot time of the instant [ms]. Raises
+    `KeyError`: no such message is streamed.
     """
     boot_ms &= 0xFFFFFFFF
     match message_id:

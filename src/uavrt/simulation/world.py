@@ -1,4 +1,4 @@
-"""What truly happens in a scenario: every pulse with its time, frequency and level."""
+"""The truth of a scenario: every pulse with its time, frequency and level."""
 
 import bisect
 import math
@@ -27,11 +27,11 @@ THERMAL_NOISE_DBM_HZ = -173.975
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePulse:
-    """One pulse as it is, for comparison with what a detector says."""
+    """A true pulse, for comparison with a detector's."""
 
     tag_id: int
     listed: bool
-    """False for a neighbour tag that the operator does not look for."""
+    """False for a neighbour tag that the operator does not search for."""
     pulse_index: int
     """Number of the tag's pulse since the start of the scenario, from 0."""
     rate: int
@@ -47,9 +47,9 @@ class TruePulse:
     enr_db: float
     """Pulse energy over noise power density."""
     amplitude: float
-    """Of the complex samples at the radio's gain [full scale]."""
+    """Amplitude of the complex samples at the radio's gain [full scale]."""
     phase_rad: float
-    """Of the carrier at the start of the pulse."""
+    """Phase of the carrier at the start of the pulse [rad]."""
     fading_db: float
     distance_m: float
     bearing_deg: float
@@ -66,8 +66,8 @@ def noise_psd_dbm_hz(scenario: Scenario) -> float:
 def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
     """Amplitude of the samples [full scale] for 1 mW at the antenna connector.
 
-    Follows from the noise's level in the samples: a wave of power P has the amplitude
-    noise_rms·√(P / (N₀·fs)), whatever the rate at which it is sampled.
+    From the noise's level in the samples: a wave of power P has the amplitude noise_rms·√(P /
+    (N₀·fs)), at any sample rate.
     """
     radio = scenario.radio
     noise_mw = 10.0 ** (noise_psd_dbm_hz(scenario) / 10.0) * radio.sample_rate_hz
@@ -79,10 +79,9 @@ def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
 class World:
     """All pulses of a scenario, each a function of the scenario alone.
 
-    `scenario`: the world; the pulses' times are counted from its start.
-    `path`: where the drone really is, when it flies by commands; else it flies the scenario's.
-    `ground`: heights of the ground in place of the scenario's elevation files.
-    Raises `FormatError`: the elevation files cannot be read.
+    `scenario`: the world; the pulses' times are counted from its start. `path`: the drone's
+    true path, when it flies by commands. `ground`: heights of the ground in place of the
+    scenario's elevation files. Raises `FormatError` if the elevation files cannot be read.
     """
 
     def __init__(
@@ -223,7 +222,7 @@ class World:
 
 
 class _PulseTrain:
-    """Start times of one tag's pulses at the tag, extended as far as anyone asks."""
+    """Start times of one tag's pulses at the tag, extended on demand."""
 
     def __init__(self, scenario: Scenario, tag: SimulatedTag) -> None:
         self._tag = tag
@@ -245,7 +244,7 @@ class _PulseTrain:
         while self._grid_s[-1] < end_s + tag.jitter_s:
             interval = tag.pulse_intervals_s[self._rates[-1] - 1] + tag.interval_error_s
             if self._steps_s:
-                # The gaps of a burst, then what is left of the time to the next.
+                # The gaps of a burst, then the rest of the time to the next.
                 place = (len(self._grid_s) - 1) % (len(self._steps_s) + 1)
                 left = interval - sum(self._steps_s)
                 interval = left if place == len(self._steps_s) else self._steps_s[place]

@@ -6,7 +6,7 @@ that check the settings do not stay in memory for the flight.
 
 import signal
 
-# First of all: until the supervisor listens, a Ctrl-C ends it without a traceback. `uavrt run`
+# First: until the supervisor handles signals, Ctrl-C ends it without a traceback. `uavrt run`
 # holds the signal back over the exec.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

@@ -1,7 +1,6 @@
 """The supervisor: a hub for records, and a loop that keeps the right processes running.
 
-The loop asks "what should run now?" and makes it so. Records between processes pass through it
-by the tables; samples do not.
+Records between processes pass through it by the tables; samples do not.
 """
 
 import asyncio
@@ -49,25 +48,23 @@ from uavrt.supervisor.tree.table import SUPERVISOR_TOPICS, consumers_of
 log = get_logger()
 
 TICK_S = 0.25
-"""Between two looks at silent processes and due restarts; an end wakes the loop at once."""
+"""Time between checks for silent processes and due restarts [s]; an end wakes the loop."""
 STATUS_PERIOD_S = TOPICS["system_status"].every_s or 1.0
 DISK_PERIOD_S = 10.0
 WARNING_SEVERITY = 4
 """MAV_SEVERITY_WARNING; lower numbers are worse."""
 LAST_PULSES_S = 1.0
-"""On top of `AntennaSettings.pose_wait_s`: longest wait for the poses of the last pulses. It
-takes 0.1 s; only those that a killed process has lost are waited for so long, and are then made
-up for by the recorder."""
+"""Longest wait for the last pulses' poses, beyond `AntennaSettings.pose_wait_s` [s]. Usually
+0.1 s; poses lost with a killed process are later filled in by the recorder."""
 CLOSE_S = 5.0
-"""Longest wait until the recorder has closed a flight; it takes 0.1 s."""
+"""Longest wait until the recorder has closed a flight [s]; it takes 0.1 s."""
 
 
 class Supervisor:
     """Joins mission, processes and records.
 
-    `settings`: the drone side's settings.
-    `on_record`: also called with each record line that passes, for viewers.
-    `launcher`: starts the processes; its nursery may be warming up already.
+    `on_record`: also called with each record line that passes, for viewers. `launcher`: starts
+    the processes; its nursery may be warming up already.
     """
 
     def __init__(
@@ -97,13 +94,13 @@ class Supervisor:
         self._next_disk_s = 0.0
         self._launcher = launcher or Launcher()
         self._operations = Operations(
-            settings.recording, lambda step: self._publish("operation", step), self._tell
+            settings.recording, lambda step: self._publish("operation", step), self._notify
         )
         self._progress = FlightProgress(lambda step: self._publish("operation", step))
         self.mission = Mission(
             settings,
             self._store,
-            tell=self._tell,
+            notify=self._notify,
             on_start=self._flight_started,
             on_stop=self._end_flight_soon,
             on_correction=self._tag_corrected,
@@ -116,7 +113,7 @@ class Supervisor:
             self.mission,
             launcher=self._launcher,
             workers=settings.detection.worker_count,
-            tell=self._tell,
+            notify=self._notify,
             on_line=self._on_line,
             on_output=self._on_output,
             wake=self._wake.set,
@@ -130,9 +127,9 @@ class Supervisor:
     # ------------------------------------------------------------------ life
 
     def claim(self) -> None:
-        """Become the only supervisor of these flights, and go on with an unfinished one.
+        """Become the only supervisor of these flights, and resume an unfinished one.
 
-        Raises `ConfigError`: another supervisor runs.
+        Raises `ConfigError` if another supervisor runs.
         """
         self._store.claim()
         self.mission.resume()
@@ -170,12 +167,12 @@ class Supervisor:
         timer.cancel()
 
     def stop(self) -> None:
-        """Ask `run` to end."""
+        """Let `run` end."""
         self._stopping = True
         self._wake.set()
 
     async def _end(self) -> None:
-        """End in good order: nothing is left to go on with."""
+        """End in good order, so that nothing is left to resume."""
         await self._operations.end()
         if self._end_task is not None:
             await self._end_task
@@ -187,9 +184,9 @@ class Supervisor:
         self.mission.forget()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or say why not; a repeated one gets the same reply.
+        """Carry out a command, or explain the refusal; a repeated one gets the same reply.
 
-        The state that a command has changed is told before its reply.
+        The changed state is published before the reply.
         """
         before = self.mission.state
         reply = self.mission.command(command)
@@ -204,17 +201,17 @@ class Supervisor:
         if self._asking is not None:  # it would keep the radio from the flight
             self._asking.stop()
         self._last_pulses.flight_started()
-        self._fleet.make_sample_roads()
+        self._fleet.make_sample_sockets()
         self._output.open_flight(Path(flight.directory))
         self._disk.flying(Path(flight.directory))
         self._publish("flight", flight)
         self._progress.started(flight)
         if (text := self._wall_clock.flight_started(monotonic_s())) is not None:
-            self._tell(4, text)
-        self._next_disk_s = 0.0  # what is wrong with the card is told as it begins
+            self._notify(4, text)
+        self._next_disk_s = 0.0  # report card faults at the start
 
     def _tag_corrected(self, flight: FlightInfo) -> None:
-        """Search with the corrected tag: receiver and detectors start again."""
+        """Restart receiver and detectors with the corrected tag."""
         self._publish("corrected_tags", flight)
         self._restart_task = asyncio.ensure_future(self._search_again())
 
@@ -241,7 +238,7 @@ class Supervisor:
         flight = self.mission.flight_ended()
         self._output.close_flight()
         self._disk.flying(None)
-        self._tell(6, self._progress.ended(flight.directory if flight is not None else ""))
+        self._notify(6, self._progress.ended(flight.directory if flight is not None else ""))
         self._publish("system_status", self.status())
 
     def _end_capture_when_over(self) -> None:
@@ -250,7 +247,7 @@ class Supervisor:
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
-        """Ask the radio, unless it is in use: then the receiver's health tells."""
+        """Query the radio, or use the receiver's health while it is in use."""
         if self.mission.state in (SystemState.DETECTING, SystemState.CAPTURING):
             receiver = next(
                 (i for i in self._fleet.instances if i.row.name == "receiver"), None
@@ -259,7 +256,7 @@ class Supervisor:
             text = "starting" if health is None else health.reason or health.status
             found = health is not None and health.ok
         else:
-            # Asked again meanwhile, it is the same answer: two programs cannot have the radio.
+            # One query answers all requests meanwhile: two programs cannot use the radio.
             if self._radio_question is None or self._radio_question.done():
                 self._radio_question = asyncio.ensure_future(self._ask_radio())
             found, text = await self._radio_question
@@ -269,7 +266,7 @@ class Supervisor:
         self._publish("command_reply", reply)
 
     async def _ask_radio(self) -> tuple[bool, str]:
-        """Ask by a program, and leave it alone until it has answered."""
+        """Query the radio by a program; only one query at a time."""
         try:
             question = RadioQuestion(self.mission.settings.radio)
         except OSError as error:
@@ -288,25 +285,25 @@ class Supervisor:
         if self.mission.flight is None:
             return
         if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:
-            self._tell(4, again)
+            self._notify(4, again)
         text = self._wall_clock.check(self.clock.wall_correction_ns())
         if text is not None:
-            self._tell(5, text)
+            self._notify(5, text)
 
     def _warn_of_budgets(self, now_s: float) -> None:
         for instance in self._fleet.instances:
             for text in (instance.over_budget(now_s), instance.pace.check(now_s)):
                 if text is not None:
-                    self._tell(4, text)
+                    self._notify(4, text)
 
     def _look_at_disk(self) -> None:
-        """Measure the free space, and remove old flights if that is wanted, in a thread."""
+        """Measure the free space, and remove old flights if configured, in a thread."""
         if self._disk_task is None or self._disk_task.done():
             self._disk_task = asyncio.ensure_future(self._guard_disk())
 
     async def _guard_disk(self) -> None:
         for severity, text in await in_background(self._disk.check):
-            self._tell(severity, text)
+            self._notify(severity, text)
 
     # --------------------------------------------------------------- records
 
@@ -347,7 +344,7 @@ class Supervisor:
         self._output.write(instance.name, line)
         text = warning_text(instance.name, line)
         if text is not None:
-            self._tell(text.severity, text.text)
+            self._notify(text.severity, text.text)
         if line.strip() and (text is not None or not line.startswith(b"{")):
             # A warning, or the last line of a traceback.
             instance.last_words = line.decode("utf-8", "replace").strip()[-120:]
@@ -357,7 +354,7 @@ class Supervisor:
     def _publish(self, topic: str, record: object) -> None:
         self._forward(topic, encode_record(topic, record))
 
-    def _tell(self, severity: int, text: str) -> None:
+    def _notify(self, severity: int, text: str) -> None:
         """Send a text to the operator and into the log."""
         level = logging.WARNING if severity <= WARNING_SEVERITY else logging.INFO
         log.log(level, text)
@@ -374,7 +371,7 @@ class Supervisor:
             self._on_record(line)
 
     def _pump_soon(self, instance: Instance) -> None:
-        """Send what one reading has brought together: each sending wakes a process."""
+        """Send all records of one reading together: each sending wakes a process."""
         if not self._to_pump:
             asyncio.get_running_loop().call_soon(self._pump)
         self._to_pump[instance.name] = instance

@@ -1,8 +1,8 @@
-"""Do a process's records come as often as the table of topics says?
+"""Checks that a process's records come as often as the table of topics says.
 
-A process that falls behind is alive and within its budget; only its records show it. A process
-that sends nothing is handled elsewhere: silent ones are killed, and one held up by a missing
-radio or autopilot reports that itself. So one gap, however long, is forgiven.
+A process that falls behind is alive and within its budget; only its records show it. One gap,
+however long, is ignored: silent processes are killed elsewhere, and those that wait for a radio
+or autopilot report that themselves.
 """
 
 from collections import deque
@@ -11,16 +11,16 @@ from itertools import pairwise
 from uavrt.ipc.topics import TOPICS
 
 RECORDS = 20
-"""Of a topic in a row are judged, for each tag where a topic has one for each."""
+"""Consecutive records of a topic, or of a tag, that are judged."""
 SLOWER = 2.0
-"""Times the expected time between two records: then it is too slow."""
+"""Ratio to the expected time between records from which a process is too slow."""
 REPEAT_S = 300.0
 
 
 class PaceWatch:
-    """Watches what one process sends.
+    """Monitors one process.
 
-    `name`: name of the instance, for the text.
+    `name`: of the instance, for the text.
     """
 
     def __init__(self, name: str, topics: tuple[str, ...]) -> None:
@@ -34,7 +34,7 @@ class PaceWatch:
         """Topics whose records come too slowly, and the time between two [s]."""
 
     def started(self, tags: int) -> None:
-        """Start over with a new process, that serves so many tags."""
+        """Reset for a new process that serves a number of tags."""
         self._tags = max(1, tags)
         self.slow = {}
         for came_s in self._came_s.values():
@@ -49,25 +49,25 @@ class PaceWatch:
                 came_s.popleft()
 
     def check(self, now_s: float) -> str | None:
-        """Judge what has come; a text when it is too slow, at most every five minutes."""
+        """Get a text if it is too slow, at most every five minutes."""
         self.slow = {}
         for topic, came_s in self._came_s.items():
             every_s = TOPICS[topic].every_s
             if every_s is None or len(came_s) < self._judged(topic):
                 continue
             gaps_s = [after - before for before, after in pairwise(came_s)]
-            # What each tag has comes together: its gaps are the group's, and nothing between.
+            # A tag's records come in groups: there are no gaps within one.
             mean_s = (sum(gaps_s) - max(gaps_s)) / (RECORDS - 2)
             if mean_s > SLOWER * every_s:
                 self.slow[topic] = mean_s
         if not self.slow or now_s < self._quiet_until_s:
             return None
         self._quiet_until_s = now_s + REPEAT_S
-        told = " and ".join(
+        slow = " and ".join(
             f"{topic} every {mean_s:.1f} s ({TOPICS[topic].every_s:g} s)"
             for topic, mean_s in self.slow.items()
         )
-        return f"{self._name} is too slow: {told}"
+        return f"{self._name} is too slow: {slow}"
 
     def _judged(self, topic: str) -> int:
         return RECORDS * (self._tags if TOPICS[topic].each_tag else 1)

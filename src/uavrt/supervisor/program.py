@@ -23,7 +23,7 @@ from uavrt.supervisor.viewers import Viewers, require_unserved
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
     """Run until SIGTERM or SIGINT; with tags, start detecting at once.
 
-    A flight that was cut off goes on, with its own tags.
+    A flight that was cut off is resumed with its own tags.
     """
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
@@ -52,7 +52,7 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
 
 
 def start_commands(tags: tuple[Tag, ...]) -> list[Command]:
-    """Get the commands that an operator would send to detect these tags; none without tags."""
+    """Commands that start to detect these tags; none without tags."""
     if not tags:
         return []
     return [

@@ -1,9 +1,8 @@
 """A Unix socket on which the running system shows its records, and takes commands.
 
-For the terminal view, the demo and the command line on the same computer. Each line is a
-record, as between the processes. A viewer that does not keep up is disconnected; it never
-slows the system. The socket is open to its owner and the owner's own group: members of the
-service's group ``uavrt`` may watch and command.
+For the terminal view, the demo and the command line on the same computer; each line is a
+record. A viewer that does not keep up is disconnected. The socket is open to its owner and the
+owner's own group: members of the service's group ``uavrt`` may watch and command.
 """
 
 import asyncio
@@ -24,10 +23,10 @@ from uavrt.supervisor.core import Supervisor
 log = get_logger()
 
 GATHER_S = 0.1
-"""For people to look at: what comes meanwhile goes together."""
+"""Time over which records are collected before they are shown [s]."""
 VIEWER_BUFFER_BYTES = 1_000_000
 TAKES_NOTHING = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)
-"""Of a card that is read-only, full or failing."""
+"""Errors of a card that is read-only, full or failing."""
 
 
 class Viewers:
@@ -46,7 +45,7 @@ class Viewers:
             self._lines.append(line)
 
     def _show_all(self) -> None:
-        """Send what has gathered."""
+        """Send the collected records."""
         data = b"".join(self._lines)
         self._lines.clear()
         for writer in list(self._writers):
@@ -58,9 +57,9 @@ class Viewers:
                 writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server | None:
-        """Open the socket; None on a card that takes nothing, which must not end the flight.
+        """Open the socket; None on a card that cannot be written, so that the flight goes on.
 
-        Raises `ConfigError`: the path cannot be used, or another system is there.
+        Raises `ConfigError` if the path cannot be used, or another system is there.
         """
         require_unserved(path)
         try:
@@ -99,10 +98,7 @@ class Viewers:
 
 
 def require_unserved(path: str) -> None:
-    """Make sure that nobody listens on a socket; one that a killed system left is free.
-
-    Raises `ConfigError`: another system is there.
-    """
+    """Raise `ConfigError` if another system serves a socket; a killed one's is free."""
     with socket.socket(socket.AF_UNIX) as asking:
         asking.settimeout(1.0)
         if asking.connect_ex(path):

@@ -1,7 +1,7 @@
-"""Unlisted beeps, to a ground station of uavrt.
+"""Unlisted beeping senders, for a ground station of uavrt.
 
-Sent with the lowest priority, repeated in turn: one that arrives is enough.
-Layout: payload type 60012 of the manual's tunnel reference.
+Sent with the lowest priority, repeated in turn. Layout: payload type 60012 of the manual's
+tunnel reference.
 """
 
 from math import inf
@@ -15,7 +15,7 @@ MOST_TAGS = 3
 _MOST_PULSES = 0xFFFF
 _MOST_REASON = 48
 _KINDS = tuple(BeepKind)
-"""Their places are the numbers on the wire: new ones only at the end."""
+"""Kinds in the order of their numbers on the wire: add new ones at the end."""
 _LAYOUT = Layout(
     "a beep",
     "version:B kind:B pulses:H time_ns:q frequency_hz:d interval_s:f jitter_s:f level_db:f "

@@ -1,8 +1,8 @@
-"""The inside of a coded tag's burst, to a ground station that acknowledges pulses.
+"""The content of a coded tag's burst, for a ground station that acknowledges pulses.
 
-The burst itself is sent as a pulse message, to any ground station. This message adds the
-pulses in it and the other tags that may have sent it. It is acknowledged and repeated as
-pulses are. Layout: payload type 60007 of the manual's tunnel reference.
+The burst itself is a pulse message, for any ground station. This message adds its pulses and
+the other tags that may have sent it, and is acknowledged and repeated like pulses. Layout:
+payload type 60007 of the manual's tunnel reference.
 """
 
 from itertools import pairwise
@@ -21,7 +21,7 @@ _LATEST_S = 9.2e9
 _SNR_STEPS = 100.0
 _I16 = 32_767
 _LAYOUT = Layout(
-    "the inside of a burst",
+    "the content of a burst",
     "version:B pulses#:B others#:B :x tag_id:I start_s:d pulses*:i snrs*pulses:h others*:I",
     {"pulses": (1, MOST_PULSES), "others": (0, MOST_OTHERS), "start_s": (0.0, _LATEST_S)},
     version=1,
@@ -29,7 +29,7 @@ _LAYOUT = Layout(
 
 
 def encode_burst(pulse: Pulse) -> bytes | None:
-    """Write the inside of a burst; None for a pulse of a tag that beeps."""
+    """Write the content of a burst; None for a pulse of a beeping tag."""
     starts_ns = pulse.burst_starts_ns[:MOST_PULSES]
     if not starts_ns:
         return None
@@ -44,12 +44,12 @@ def encode_burst(pulse: Pulse) -> bytes | None:
 
 
 def decode_burst(payload: bytes) -> BurstInside:
-    """Read the inside of a burst; raises `TunnelError` for another length or bad numbers."""
+    """Read the content of a burst; raises `TunnelError` for another length or bad numbers."""
     got = _LAYOUT.unpack(payload)
     steps = got["pulses"]
     rising = all(one < two for one, two in pairwise(steps))
     if not rising or max(map(abs, steps)) * _STEP_NS > ns_from_s(_LONGEST_S):
-        raise TunnelError("the inside of a burst has times that cannot be", payload)
+        raise TunnelError("the content of a burst has impossible times", payload)
     start_ns = ns_from_s(got["start_s"])
     return BurstInside(
         tag_id=got["tag_id"],

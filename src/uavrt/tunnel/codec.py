@@ -10,16 +10,15 @@ from uavrt.tunnel.wire import MAX_PAYLOAD
 TunnelMessage = g0.Messages | g1.Messages | g2.Messages
 
 DECODERS = {**g0.DECODERS, **g1.DECODERS, **g2.DECODERS}
-"""What to do with a payload of (command, length); the lengths tell the generations apart."""
+"""Decoders by command and length; the lengths distinguish the generations."""
 
 
 def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:
     """Read a tunnel payload (its first ``payload_length`` bytes).
 
-    `generation`: what the drone speaks, where a length stands for several messages; ours need
-    none.
-    Raises `TunnelError`: unknown command, or a length that the command never has. Holds the
-    payload; its text is fit for the acknowledgement (`acked_command_of` says whom to answer).
+    `generation`: of the drone, where a length stands for several messages; ours need none.
+    Raises `TunnelError`, with the payload, for an unknown command or a wrong length; its text
+    is fit for the acknowledgement (to `acked_command_of`).
     """
     if not 4 <= len(payload) <= MAX_PAYLOAD:
         raise TunnelError(f"a payload has 4 to 128 bytes, not {len(payload)}", payload)
@@ -43,7 +42,7 @@ def acked_command_of(payload: bytes) -> int | None:
 
 
 def generation_of(message: TunnelMessage) -> Generation | None:
-    """Which generation's sender writes this message; None when several do."""
+    """Generation whose senders write this message; None if several do."""
     match message:
         case g0.HeaderMessage(command=number):
             lengths = COMMAND_OF_NUMBER[number].lengths

@@ -25,7 +25,7 @@ from uavrt.tunnel.g2 import AckG2, PulseG2, PulseG2v1
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ms
 
 LATEST_S = 9.2e9
-"""Seconds since 1970 whose nanoseconds fit into the 64 bits that they are stored in: 2261."""
+"""Latest time in seconds since 1970 whose nanoseconds fit into 64 bits: 2261."""
 
 ROOM_G1, ROOM_G2 = 115, 107
 """Bytes of an acknowledgement's text, without the NUL that ends it."""
@@ -45,7 +45,7 @@ DETECTION_STATUSES: dict[int, DetectionStatus] = {
 def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
     """Write a tag; times are rounded to whole milliseconds, the frequency to whole hertz.
 
-    Raises `TunnelError`: more than two rates: the wire has room for two.
+    Raises `TunnelError` for more than two rates.
     """
     if not 1 <= len(tag.pulse_intervals_s) <= 2:
         raise TunnelError(f"tag {tag.tag_id} needs one or two pulse intervals", b"")
@@ -67,13 +67,11 @@ def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
 
 
 def tag_from_wire(message: TagG0 | TagG1) -> Tag:
-    """Read a tag; what a detector could not work with is refused.
+    """Read a tag; values that a detector cannot use are refused.
 
-    The means and deviations of G1 are not used: their unit is not documented and senders
-    leave them NaN.
-
-    Raises `TunnelError`: an id, frequency, width, interval or K of zero (the thesis's id 0 is
-    "no tag"), or a false-alarm probability outside (0, 1).
+    The means and deviations of G1 are ignored: their unit is not documented and senders leave
+    them NaN. Raises `TunnelError` for an id, frequency, width, interval or K of zero (the
+    thesis's id 0 is "no tag"), or a false-alarm probability outside (0, 1).
     """
     needed = {
         "id": message.tag_id,
@@ -174,7 +172,7 @@ def pulse_to_wire(
 
 
 def search_report_to_wire(report: SearchReport) -> PulseG1:
-    """Write "searched, nothing found" (status 3); G0 has no word for it."""
+    """Write "searched, nothing found" (status 3), which G0 does not have."""
     share, weakest_db = report.usable_share, report.weakest_enr_db
     return _pulse_without_detection(
         tag_id=report.tag_id,
@@ -211,7 +209,7 @@ def _pulse_without_detection(
     weakest_db: float = 0.0,
     sequence: int = 0,
 ) -> PulseG1:
-    """Fill what such a message holds; the rest is 0 on the wire."""
+    """Fields of such a message; the rest is 0 on the wire."""
     return PulseG1(
         tag_id=tag_id,
         frequency_hz=frequency_hz,
@@ -239,13 +237,13 @@ def pulse_from_wire(
 ) -> PulsePose | SearchReport | None:
     """Read a pulse; None is a detector's sign of life.
 
-    What the wire does not carry is filled honestly: the end from the tag's pulse width (without
-    a tag it is the start), the altitude of the other kind NaN, noise of G0 NaN. The rate is the
-    one whose next pulse is expected when the message expects it, 1 without a tag; a pulse of
-    the number after the tag's is the original's second detector of it: rate 2.
+    Fields missing on the wire: the end follows from the tag's pulse width (without a tag it is
+    the start), the other altitude and noise of G0 are NaN. The rate is the one whose next pulse
+    is expected when the message expects it, 1 without a tag; a pulse of the number after the
+    tag's is from the original's second detector: rate 2.
 
-    `tag`: whose pulse it is; `tag_of_number` finds it.
-    Raises `TunnelError`: a status that no generation has, or times that are no times.
+    `tag`: its tag; `tag_of_number` finds it. Raises `TunnelError`: a status that no generation
+    has, or invalid times.
     """
     if message.frequency_hz == 0:
         return None
@@ -290,10 +288,10 @@ def pulse_from_wire(
 
 
 def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
-    """Find the listed tag that a message's number means; None when none is.
+    """Find the listed tag of a message's number; None without one.
 
-    The original runs a second detector for a second rate, under the number after the tag's
-    (so its tags have even numbers).
+    The original runs a second detector for a second rate, under the number after the tag's (so
+    its tags have even numbers).
     """
     first = tags.get(tag_id - 1)
     if tag_id not in tags and first is not None and len(first.pulse_intervals_s) == 2:
@@ -304,7 +302,7 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
     """Find which of the tag's intervals, from 1, a pulse has, by the next one expected.
 
-    The message has the start of that window: the interval less what may be wrong of it.
+    The message has the start of that window: the interval less its uncertainty.
     """
     if message.tag_id == tag.tag_id + 1:
         return 2
@@ -321,8 +319,8 @@ def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
     return 1 + distances.index(min(distances))
 
 
-def tells_a_place(message: PulseG0 | PulseG1) -> bool:
-    """Whether the sender of a pulse had a place, be it one on the globe or not."""
+def has_place(message: PulseG0 | PulseG1) -> bool:
+    """Whether the sender of a pulse had a place, on the globe or not."""
     return all(map(math.isfinite, _place_on_wire(message)))
 
 
@@ -333,7 +331,7 @@ def _place_on_wire(message: PulseG0 | PulseG1) -> tuple[float, float]:
 
 
 def _pose_from_wire(message: PulseG0 | PulseG1, time_ns: int) -> Pose | None:
-    """Read the pose; None where the sender had none, or one that is not on the globe."""
+    """Read the pose; None if the sender had none, or one that is not on the globe."""
     if isinstance(message, PulseG1):
         quaternion = from_euler_deg(message.yaw_deg, message.pitch_deg, message.roll_deg)
         amsl, relative = math.nan, message.altitude_relative_m

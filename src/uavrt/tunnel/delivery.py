@@ -1,8 +1,8 @@
-"""Track which pulses have gone out: each goes to the ground once, and at once.
+"""Track which pulses were sent: each goes to the ground once, and at once.
 
-The word that a pulse is recorded comes later. Of a pulse that this process has not let out,
-because another one before it did or died over it, the flight's database knows what became of
-it: whether it has reached the ground, and if not, with which pose it goes.
+The report that a pulse is recorded comes later. For a pulse sent before this process started,
+or by one that died over it, the flight's database has its state: whether it has reached the
+ground, and its pose.
 """
 
 from collections import OrderedDict, deque
@@ -10,10 +10,9 @@ from collections import OrderedDict, deque
 from uavrt.messages import PulseKey
 
 REMEMBERED = 500
-"""Pulses let out and recorded lately, of which another word is ignored: 20 s of 25 pulses a
-second, in 50 kB. More would fill for hours, and the word comes once."""
+"""Pulses sent and recorded whose repeated reports are ignored: 20 s of 25 a second, 50 kB."""
 MOST_UNRECORDED = 20_000
-"""Pulses let out and not yet recorded, while the recorder is away."""
+"""Most pulses sent and not yet recorded, while the recorder is away."""
 
 
 class PulseDelivery:
@@ -23,17 +22,17 @@ class PulseDelivery:
         self._unrecorded: OrderedDict[PulseKey, None] = OrderedDict()
         self._recent: deque[PulseKey] = deque()
         self._recorded = set[PulseKey]()
-        """Those in `_recent`."""
+        """Recorded ones of `_recent`."""
         self._news = set[PulseKey]()
-        """Unrecorded when a ground station came that has not got them."""
+        """Pulses unrecorded when a ground station came that lacks them."""
 
     @property
     def unrecorded(self) -> int:
-        """Pulses let out that the recorder has not confirmed yet."""
+        """Number of pulses sent that the recorder has not confirmed yet."""
         return len(self._unrecorded)
 
     def let_out(self, key: PulseKey) -> bool:
-        """Whether a pulse may go: not one that has gone before."""
+        """Whether to send a pulse; False if it was sent before."""
         if key in self._unrecorded or key in self._recorded:
             return False
         self._unrecorded[key] = None
@@ -42,17 +41,16 @@ class PulseDelivery:
         return True
 
     def station_came(self) -> None:
-        """A ground station has come that had nothing yet, and looks for it in the database.
+        """Note a new ground station, whose pulses are read from the database.
 
-        What is not recorded yet is not there; `recorded` will say so when it is.
+        Unrecorded pulses are not there yet; `recorded` handles them.
         """
         self._news = set(self._unrecorded)
 
     def recorded(self, key: PulseKey) -> bool:
-        """The recorder has it; False when the database has to be looked at for it.
+        """Note that a pulse is recorded; False if it must be read from the database.
 
-        So it is when this process has not let it out, and when somebody may miss it who came
-        since.
+        This is so if this process has not sent it, or a station came since.
         """
         if key in self._recorded:
             return True

@@ -1,8 +1,7 @@
 """The drone's side of the tunnel's conversation, without I/O.
 
 Payloads of ground stations become commands for the supervisor; its replies become
-acknowledgements to whoever asked; pulses and states become payloads in the generation that the
-ground speaks.
+acknowledgements to the sender; pulses and states become payloads in the ground's generation.
 """
 
 from collections import Counter, OrderedDict
@@ -42,7 +41,7 @@ Asker = tuple[int, int]
 """System and component id of a ground station."""
 
 PENDING = 64
-"""Commands that may wait for the supervisor's reply; it answers in milliseconds."""
+"""Most commands waiting for the supervisor's reply; it answers in milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
 """Versions that brought OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
 STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
@@ -58,7 +57,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
-    """Who asked what, and in which generation."""
+    """Sender, command and generation of a question."""
 
     asker: Asker
     number: int
@@ -66,21 +65,19 @@ class _Question:
     request_id: int = 0
     tag_index: int | None = None
     spoken: Generation | None = None
-    """What the asker's words are written in, where they tell."""
+    """Generation of the sender's messages, if they show it."""
     upload: TagUpload | None = None
-    """What it opens, if it is accepted."""
+    """The upload that it opens, if it is accepted."""
 
 
 class Exchange:
-    """Keeps who asked what, and in which generation the ground speaks.
+    """Keeps open questions, and the generation of the ground.
 
-    `generation`: what we send. "auto" answers each in the generation of its own message, and
+    `generation`: of what we send. "auto" answers each in the generation of its own message, and
     sends the pulses in the generation of the last upload of tags, G1 before any. The numbered
-    versions must be named, because their ground stations say nothing before they have heard
-    their own number.
-    `version`: number sent with G2, 4 to 7.
-    `experimental`: whether layouts may be used that were inferred and never seen.
-    Raises `ConfigError`: G2 without `experimental`.
+    versions must be set, because their ground stations send nothing before they have received
+    their own number. `version`: number sent with G2, 4 to 7. `experimental`: whether inferred
+    layouts may be used. Raises `ConfigError`: G2 without `experimental`.
     """
 
     def __init__(
@@ -110,7 +107,7 @@ class Exchange:
 
     @property
     def generation(self) -> Generation:
-        """In which generation pulses go out."""
+        """Generation of the pulses sent."""
         return self._fixed or self._heard
 
     def refuse(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
@@ -123,8 +120,8 @@ class Exchange:
     ) -> Command | Answer | None:
         """Handle a payload of a ground station.
 
-        Returns: a command for the supervisor; or the answer to a payload that is none; or None
-        for what needs no answer.
+        Returns a command for the supervisor, or the answer to a payload that is none, or None
+        if no answer is needed.
         """
         try:
             message = CodedTag.decode(payload) if coded_tag else decode(payload)
@@ -143,7 +140,7 @@ class Exchange:
         if question is None:
             return None
         if reply.accepted:
-            # Only now: who may not command must not change how the drone speaks to others.
+            # Only now: a refused sender must not change the generation of others.
             self._heard = question.spoken or self._heard
             self._upload = question.upload or self._upload
         if reply.accepted and question.generation == "G2":
@@ -157,13 +154,13 @@ class Exchange:
         return pulse_to_wire(pulse_pose, self.generation).encode()
 
     def search_report(self, report: SearchReport) -> bytes | None:
-        """Get the payload of "searched, nothing found"; the thesis's generation has none."""
+        """Get the payload of "searched, nothing found"; None in the thesis's generation."""
         if self.generation == "G0":
             return None
         return in_generation(search_report_to_wire(report), self.generation).encode()
 
     def detector_heartbeat(self, tag_id: int, time_ns: int) -> bytes | None:
-        """Get the payload of a detector's sign of life; the thesis's generation has none."""
+        """Get the payload of a detector's sign of life; None in the thesis's generation."""
         if self.generation == "G0":
             return None
         if self.generation == "G2" and self._version >= ALIVE_VERSION:
@@ -171,7 +168,7 @@ class Exchange:
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
-        """Get the payload of the 1 Hz heartbeat; the thesis's generation has none."""
+        """Get the payload of the 1 Hz heartbeat; None in the thesis's generation."""
         if self.generation == "G0":
             return None
         old = heartbeat_to_wire(state, cpu_temperature_c)
@@ -187,7 +184,7 @@ class Exchange:
         ).encode()
 
     def progress(self, operation: Operation) -> Answer | None:
-        """Take a step of an operation; return it to who asked for it, where there is a word."""
+        """Return a step of an operation to its sender, if the generation has it."""
         self._progress[operation.name] = operation
         answer = self._step(operation)
         if operation.state != "running":
@@ -201,7 +198,7 @@ class Exchange:
         return [step for step in steps if step is not None]
 
     def next_request_id(self) -> int:
-        """Give a number to a command that comes by another way than the tunnel."""
+        """Give a number to a command from outside the tunnel."""
         self._next_id += 1
         return self._next_id - 1
 
@@ -300,7 +297,7 @@ class Exchange:
                 question = self._plain(command, asker, generation_of(message))
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
             case _:
-                # Acknowledgements, pulses and heartbeats are ours to send, not to get.
+                # Acknowledgements, pulses and heartbeats are only sent by us.
                 self.counters["payloads_ignored"] += 1
                 return None
 
@@ -323,7 +320,7 @@ class Exchange:
         return Command(name=name, request_id=number, source=f"mavlink {asker[0]}/{asker[1]}")
 
     def _refusal(self, payload: bytes, reason: str, asker: Asker) -> Answer | None:
-        """Refuse a payload that could not be read, or was not; None when it is no command."""
+        """Refuse a payload that could not be read; None when it is no command."""
         number = acked_command_of(payload)
         if number is None or number == CommandId.ACK:
             return None

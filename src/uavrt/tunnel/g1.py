@@ -154,7 +154,7 @@ class TagG1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartDetection(Asking):
-    """Start with a radio frequency and gain; None marks what an older sender left out."""
+    """Start with a radio frequency and gain; None marks fields an older sender left out."""
 
     COMMAND: ClassVar = CommandId.START_DETECTION
     radio_center_frequency_hz: int
@@ -243,7 +243,7 @@ class Heartbeat(Fixed):
 
     @property
     def state(self) -> SystemState | None:
-        """The state the status number stands for; None for an unknown number."""
+        """State of the status number; None for an unknown number."""
         return STATES.get(self.status)
 
 

@@ -150,7 +150,7 @@ class RawCaptureG2(Fixed, Asking):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetLogLevel(Fixed):
-    """How much the drone is to log (from version 6 on); number and layout are inferred."""
+    """Log level of the drone (from version 6 on); number and layout are inferred."""
 
     COMMAND: ClassVar = CommandId.SET_LOG_LEVEL
     LAYOUT: ClassVar = struct.Struct("<III")
@@ -173,7 +173,7 @@ class AckG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationProgress(Fixed):
-    """Progress of a request that outlasts its acknowledgement (from version 5 on).
+    """Progress of a request after its acknowledgement (from version 5 on).
 
     The message is cut to 99 bytes.
     """
@@ -187,7 +187,7 @@ class OperationProgress(Fixed):
     state: int
     step: int
     step_count: int
-    """0: not known."""
+    """Number of steps; 0: unknown."""
     message: str
 
 
@@ -227,7 +227,7 @@ class DetectorHeartbeat(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG2v1:
-    """A pulse of version 1: with the collection and slice it belongs to, 0 outside of one."""
+    """A pulse of version 1, with its collection and slice; 0 outside of one."""
 
     pulse: PulseG1
     collection_id: int = 0
@@ -282,9 +282,9 @@ Messages = (
     | PulseG2
 )
 Requests = BareG2 | UploadG2 | TagG2 | StartDetectionG2 | RawCaptureG2 | SetLogLevel
-"""What a ground station sends from version 4 on."""
+"""Messages of a ground station from version 4 on."""
 INFERRED = (TagG2, StartDetectionG2, RawCaptureG2, SetLogLevel)
-"""Those of them whose layout was never seen."""
+"""Those with an inferred layout."""
 DECODERS: Decoders = {
     **decoders_by_length("G2", 8, BareG2.decode),
     (CommandId.START_TAGS, 16): UploadG2.decode,
@@ -298,4 +298,4 @@ SAME_LENGTH: dict[Generation, Decoders] = {
     "G2v1": {(CommandId.PULSE, 128): PulseG2v1.decode},
     "G2": {(CommandId.PULSE, 120): PulseG2.decode, **decoders_of(AckG2)},
 }
-"""Of a drone's messages these have the length of an older one: the ground must know which."""
+"""Drone messages with the length of an older one; only the generation distinguishes them."""

@@ -50,13 +50,12 @@ log = get_logger()
 
 
 class Gate:
-    """The drone's side.
+    """Checks on the drone who may command.
 
-    `commanders`: system ids that may command; empty: all.
-    `key_file`: with a key only sealed commands are taken, unless that is not required.
-    `key_required`: False: unsealed commands are taken, too; a sealed one comes from who has the
-    key.
-    Raises `ConfigError`: the key cannot be read.
+    `commanders`: system ids that may command; empty: all. `key_file`: with a key only sealed
+    commands are accepted, unless that is not required. `key_required`: False: unsealed commands
+    are accepted, too; a sealed one comes from an owner of the key. Raises `ConfigError` if the
+    key cannot be read.
     """
 
     def __init__(
@@ -160,10 +159,9 @@ class Gate:
 
 
 class Sealer:
-    """The ground's side: seals what it sends.
+    """Seals what the ground sends.
 
-    `key`: the shared secret.
-    `own`: our system and component id.
+    `key`: the shared secret. `own`: our system and component id.
     """
 
     def __init__(self, key: Key, own: Place) -> None:
@@ -183,8 +181,8 @@ class Sealer:
     def hear(self, payload: bytes, drone: Place) -> None:
         """Handle an announced session; raises `TunnelError` for another key or an old echo.
 
-        The session becomes ours only with a nonce that was sent a moment ago: any other
-        announcement may be a recording.
+        The session is ours only with a recently sent nonce: any other announcement may be a
+        recording.
         """
         session, newest, nonce = session_of(payload, self._key, drone)
         now_s = monotonic_s()
@@ -201,13 +199,13 @@ class Sealer:
                 del self._announced[next(iter(self._announced))]
 
     def signs_of_life(self, links: int = 1, *, files: bool = False) -> list[bytes]:
-        """Seal what is due now: a sign of life, and a nonce for a session not yet known.
+        """Seal what is due now: a sign of life, and a nonce for a session not yet confirmed.
 
-        Of several announced sessions the one asked least often comes first: replayed ones
-        do not hold up the drone's.
+        Of several announced sessions the one tried least often comes first, so that replayed
+        ones do not delay the drone's.
 
-        `links`: links that carry signs of life in turn, each as often as a single one.
-        `files`: files are being asked for.
+        `links`: links that carry signs of life in turn, each as often as a single one. `files`:
+        files are being requested.
         """
         now_s, due = monotonic_s(), []
         if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:
@@ -231,7 +229,7 @@ class Sealer:
         return self._seal(payload, UNSEALED[payload_type].inside)
 
     def parameter(self, name: str, value: float) -> bytes:
-        """Seal the wish to set a parameter."""
+        """Seal a change of a parameter."""
         return self._seal(parameter_inside(name, value), PARAMETER_INSIDE)
 
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:

@@ -1,8 +1,8 @@
-"""A bearing estimated on the drone, to a ground station of uavrt.
+"""A bearing estimated on the drone, for a ground station of uavrt.
 
-64 bytes hold what all pulses of a turn say together. The message is sent again with each new
-pulse and a few times after the last, so that one that arrives is enough. Layout: payload type
-60003 of the manual's tunnel reference.
+64 bytes sum up all pulses of a turn. The message is sent again with each new pulse and a few
+times after the last, so that one that arrives is enough. Layout: payload type 60003 of the
+manual's tunnel reference.
 """
 
 from dataclasses import replace

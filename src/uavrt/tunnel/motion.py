@@ -1,6 +1,6 @@
-"""Orders of motion and the drone's answers, between ground station and drone.
+"""Motion orders and the drone's answers, between ground station and drone.
 
-An order asks for a motion, confirms an offer or stops; it is sealed except to a simulator. The
+An order requests a motion, confirms an offer or stops; it is sealed except to a simulator. The
 answer is an offer, a refusal or a state. Layouts: payload types 60005 and 60006 of the manual's
 tunnel reference.
 """
@@ -17,11 +17,11 @@ from uavrt.tunnel.layout import Layout
 from uavrt.tunnel.seal import MAX_INSIDE
 
 _VERSION, _VERSION_KEEP_OUT = 1, 2
-"""A drone that knows nothing of places to keep out of must not take them for corners."""
+"""Without and with keep-out areas; a drone of the first must not read them as corners."""
 _ASKS, _CONFIRMS, _STOPS = 1, 2, 3
 _HEAD = "version:B kind:B :2x request_id:I"
 _ASK = Layout(
-    "an order of motion",
+    "a motion order",
     f"{_HEAD} action:B clockwise,has_height:B pattern:B kept:B height_m:f duration_s:f "
     "width_m:f body~",
     kind=_ASKS,
@@ -46,7 +46,7 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""What fits into a seal's 108 bytes."""
+"""Most places, which fit into a seal's 108 bytes."""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",
@@ -76,14 +76,14 @@ class MotionConfirmation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionStop:
-    """Take the drone out of our hands."""
+    """Ends our command of the drone."""
 
     request_id: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionState:
-    """What became of an order, or the current state."""
+    """State of an order, or the current state."""
 
     kind: StateKind
     standing: Standing
@@ -94,14 +94,11 @@ class MotionState:
 
 
 def encode_request(request: MotionRequest) -> bytes:
-    """Write what is asked for.
-
-    Raises `UsageError`: it has too many places, or they are too far apart.
-    """
+    """Write a request; raises `UsageError` for too many places, or places too far apart."""
     kept = request.keep_out
     places = (*request.places, *(place for one in kept for place in one.places))
     if len(places) > MAX_PLACES:
-        others = " with its places to keep out of" if kept else ""
+        others = " with its keep-out areas" if kept else ""
         raise UsageError(
             f"an area of {len(places)} corners{others}",
             remedy=f"Draw one of {MAX_PLACES} or fewer",
@@ -127,7 +124,7 @@ def encode_request(request: MotionRequest) -> bytes:
     )
     if len(payload) + _size(len(places)) > MAX_INSIDE:
         raise UsageError(
-            f"{len(places)} corners, {len(kept)} places to keep out of and "
+            f"{len(places)} corners, {len(kept)} keep-out areas and "
             f"{len(request.tags)} tags do not fit",
             remedy="Draw a simpler area, leave the tags out to search for all, or set "
             "guidance.keep_out_file on the drone",
@@ -155,19 +152,19 @@ def _sought(request: MotionRequest) -> bytes:
         return _SEARCH.pack(request, radius_m=round(request.radius_m or 0.0), body=b"")
     except (TunnelError, ValueError, OverflowError) as error:
         raise UsageError(
-            "a radius or a tag's number is too large for an order of motion",
+            "a radius or a tag's number is too large for a motion order",
             remedy="Give a radius and numbers below 65536, or leave the tags out",
         ) from error
 
 
 def _kept(one: KeepOut) -> bytes:
-    """Write a place to keep out of, without its corners."""
+    """Write a keep-out area, without its corners."""
     try:
         radius = 0 if one.radius_m is None else max(1, ceil(one.radius_m))
         return _KEPT.pack(len(one.places), radius)
     except (struct.error, ValueError, OverflowError) as error:
         raise UsageError(
-            f"a circle of {one.radius_m:g} m to keep out of",
+            f"a circle of {one.radius_m:g} m as keep-out area",
             remedy="Give a radius below 65536 m",
         ) from error
 
@@ -187,12 +184,12 @@ def number_of(payload: bytes) -> int:
 
 
 def is_stop(payload: bytes) -> bool:
-    """Whether a payload takes the drone out of our hands."""
+    """Whether a payload is a stop."""
     return payload[1:2] == bytes((_STOPS,))
 
 
 def is_confirmation(payload: bytes) -> bool:
-    """Whether a payload confirms."""
+    """Whether a payload is a confirmation."""
     return payload[1:2] == bytes((_CONFIRMS,))
 
 
@@ -204,7 +201,7 @@ def encode_stop(stop: MotionStop) -> bytes:
 def decode_motion(
     payload: bytes, asker: tuple[int, int]
 ) -> MotionRequest | MotionConfirmation | MotionStop:
-    """Read an order of motion, a confirmation or a stop; raises `TunnelError`."""
+    """Read a motion order, a confirmation or a stop; raises `TunnelError`."""
     if is_confirmation(payload):
         got = _CONFIRM.unpack(payload)
         return MotionConfirmation(**{**got, "sticks_unseen": bool(got["sticks_unseen"] & 1)})
@@ -214,13 +211,13 @@ def decode_motion(
     try:
         return _request(got, asker)
     except (struct.error, IndexError) as error:
-        raise TunnelError("an order of motion has a wrong length", payload) from error
+        raise TunnelError("a motion order has a wrong length", payload) from error
 
 
 def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
     kept, width_m, body = got["kept"], got["width_m"], got["body"]
     if got["version"] != (_VERSION_KEEP_OUT if kept else _VERSION):
-        raise TunnelError("an order of motion has another version", body)
+        raise TunnelError("a motion order has another version", body)
     request = MotionRequest(
         request_id=got["request_id"],
         asker=asker,
@@ -239,17 +236,17 @@ def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
 
 
 def _with_places(request: MotionRequest, body: bytes, kept: int) -> MotionRequest:
-    """Read the corners of the area, and of the places to keep out of."""
+    """Read the corners of the area, and of the keep-out areas."""
     shapes = [_KEPT.unpack_from(body, _KEPT.size * number) for number in range(kept)]
     places = _places(body[_KEPT.size * kept :])
     first = len(places) - sum(count for count, _ in shapes)
     if first < 0:
-        raise TunnelError("an order of motion lacks corners", body)
+        raise TunnelError("a motion order lacks corners", body)
     keep_out, at = [], first
     for count, radius in shapes:
         corners, at = places[at : at + count], at + count
         if len(corners) < 3 and not (radius and count == 1):
-            raise TunnelError("a place to keep out of has too few corners", body)
+            raise TunnelError("a keep-out area has too few corners", body)
         keep_out.append(KeepOut(places=corners, radius_m=float(radius) if count == 1 else None))
     return replace(request, places=places[:first], keep_out=tuple(keep_out))
 
@@ -263,9 +260,9 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 
 
 def cut_text(text: str, tail: str = "") -> str:
-    """A text that fits with its tail; what is cut ends with a whole word and an ellipsis.
+    """Cut a text so that its tail fits; the cut ends with a whole word and an ellipsis.
 
-    `text`, `tail`: the tail is what must be read: it is left out of no text.
+    `tail` must be read and is never cut.
     """
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:
@@ -277,7 +274,7 @@ def cut_text(text: str, tail: str = "") -> str:
 
 
 def _printable(text: str) -> str:
-    """A text without control characters: it is written to terminals, and is not sealed."""
+    """A text without control characters: it goes to terminals, and is not sealed."""
     return "".join(one if one.isprintable() else "\ufffd" for one in text)
 
 

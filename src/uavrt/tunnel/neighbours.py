@@ -1,10 +1,9 @@
-"""Drones that search together: what each reports of itself, and receives of the others.
+"""Drones that search together: reports of each drone, and of the others.
 
 A course comes from the drone once a second while a ground station reports other drones; a
-neighbour is a ground station's report of one of them. Neither asks for a motion: a neighbour
-can withhold a leg, never give one that was not asked for. Tags that do not fit are left out;
-the sender puts others first each time. Layouts: payload types 60009 and 60010 of the manual's
-tunnel reference.
+neighbour is a ground station's report of one of them. Neither requests a motion: a neighbour
+can withhold a leg, never assign one. Tags that do not fit are left out; the sender changes
+their order each time. Layouts: payload types 60009 and 60010 of the manual's tunnel reference.
 """
 
 from dataclasses import replace
@@ -39,9 +38,9 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Write what a drone reports of itself, with as many tags as fit.
+    """Write a drone's report, with as many tags as fit.
 
-    Raises `TunnelError`: a place is none, or a leg leads farther than 7 km.
+    Raises `TunnelError` for an invalid place, or a leg longer than 7 km.
     """
     here = course.place
     latitude, longitude = here
@@ -68,7 +67,7 @@ def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
 
 
 def _off(here: Place, place: Place) -> tuple[int, int]:
-    """A place by how far north and east of another it is."""
+    """A place given by its distance north and east of another."""
     north, east = (
         round((there - own) / _COARSE) for own, there in zip(here, place, strict=True)
     )
@@ -76,7 +75,7 @@ def _off(here: Place, place: Place) -> tuple[int, int]:
 
 
 def decode_course(payload: bytes) -> Course:
-    """Read what a drone reports of itself; raises `TunnelError` for anything else."""
+    """Read a drone's report; raises `TunnelError` for anything else."""
     got = _COURSE.unpack(payload)
     here = (got.pop("latitude") * _FINE, got.pop("longitude") * _FINE)
     offsets, asks, found = got.pop("offsets"), got.pop("asks"), got.pop("found")

@@ -1,13 +1,13 @@
-"""Our own tunnel messages, between a drone and a ground station that are both uavrt's.
+"""Our own tunnel messages, between a drone and a ground station of uavrt.
 
 They travel in a payload type of the private range (above 32767), so that no other program takes
 them for the UAV-RT messages of payload type 0.
 
-A receipt without hashes says only "I am here, and I acknowledge". A ground station that begins
-with an empty store has a new number, which tells the drone to send the whole flight again.
+A receipt without hashes only announces a station that acknowledges. A ground station with an
+empty store has a new number, so that the drone sends the whole flight again.
 
-A pulse is known by the 64-bit BLAKE2b hash of its payload: nothing is added to the message that
-every ground station reads.
+A pulse is identified by the 64-bit BLAKE2b hash of its payload: nothing is added to the message
+that every ground station reads.
 """
 
 import hashlib
@@ -20,16 +20,16 @@ RECEIPT_TYPE = 60_001
 SEALED_TYPE = 60_002
 """A command with a keyed hash, see `uavrt.tunnel.seal`."""
 SESSION_TYPE = 60_004
-"""What sealed commands must be sealed for, see `uavrt.tunnel.seal`."""
+"""Session for sealed commands, see `uavrt.tunnel.seal`."""
 MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
-"""Orders of motion, and what becomes of them, see `uavrt.tunnel.motion`."""
+"""Motion orders and their states, see `uavrt.tunnel.motion`."""
 PROVEN_STATE_TYPE = 60_011
-"""An answer to a sealed order of motion, see `uavrt.tunnel.seal`."""
+"""An answer to a sealed motion order, see `uavrt.tunnel.seal`."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
-"""What drones that search together say and are told, see `uavrt.tunnel.neighbours`."""
+"""Reports of drones that search together, see `uavrt.tunnel.neighbours`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""What fits into a seal's 108 bytes."""
+"""Most hashes, which fit into a seal's 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",
@@ -45,7 +45,7 @@ def payload_hash(payload: bytes) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """What a ground station has received."""
+    """Pulses that a ground station has received."""
 
     store: int
     hashes: tuple[int, ...] = ()
@@ -56,5 +56,5 @@ class Receipt:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` when it is no receipt."""
+        """Read the payload; raises `TunnelError` for anything else."""
         return cls(**_LAYOUT.unpack(payload))

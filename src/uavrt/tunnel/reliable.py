@@ -1,23 +1,23 @@
 """Delivery of pulses without loss over a link that loses, without I/O.
 
-A ground station that acknowledges (`uavrt.tunnel.private`) gets every pulse: what is not
-acknowledged is sent again. A plain one gets each pulse once. What does not fit in memory stays
-where it is recorded, the flight's database, and is asked for again when there is room.
+A ground station that acknowledges (`uavrt.tunnel.private`) gets every pulse: unacknowledged
+ones are sent again. A plain one gets each pulse once. Pulses that do not fit in memory stay in
+the flight's database, and are read again when there is room.
 
-Lost is what three later messages overtook, when the round trip has passed as well; or what is
-not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.
+A message is lost when three later ones were acknowledged and the round trip has passed; or when
+it is not acknowledged within the retransmission time-out of RFC 6298 with a floor of 0.4 s.
 
 The oldest pulse goes first, while all leave within `LIVE_S`; with more to send the newest goes
 first, for the display, and the backlog follows.
 
-Of some pulses there is more to say than their payload holds: what is inside a burst
-(`uavrt.tunnel.burst`). It goes to a store once that has acknowledged the pulse, and only with
-both is the pulse delivered: who overhears the inside alone has not got the pulse. A ground
-station of an older version never acknowledges the inside; then the pulse alone counts, after
+The content of a burst does not fit into its pulse message (`uavrt.tunnel.burst`). It goes to a
+store that has acknowledged the pulse, and only with both is the pulse delivered. A ground
+station of an older version never acknowledges the content; then the pulse alone counts, after
 some tries.
 
-A store is a number that anybody can make up. One that has acknowledged no pulse yet gets what
-goes to all, and a few repetitions when nothing else waits; when it has answered one, all.
+A store is a number that anyone can make up. One that has acknowledged no pulse yet gets what
+goes to all, and a few repetitions when nothing else waits; after its first acknowledgement it
+gets all.
 """
 
 import math
@@ -37,51 +37,51 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 T = TypeVar("T")
 
 WINDOW = 64
-"""Pulses on their way without an acknowledgement."""
+"""Most pulses on their way without an acknowledgement."""
 PROBES, PROBE_NS = 4, ns_from_s(1.0)
 """Repetitions for stores that have acknowledged nothing yet, all of them together: at once, and
 one more each second. At 40 % loss each way one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Pulses in memory for such stores only; the rest waits on disk."""
+"""Most pulses in memory for such stores only; the rest waits on disk."""
 DONE = 256
-"""Pulses acknowledged lately, of which another store may say so a little later."""
+"""Recently acknowledged pulses, which another store may acknowledge a little later."""
 CAPACITY = 2048
 """Pulses in memory, about 4 MB; the rest waits on disk."""
 DEAF_SENDS = 64
 DEAF_NS = ns_from_s(10.0)
-"""A store that was sent so much in so long, and acknowledged nothing, is made up, or cannot
-hear; the others must not wait for it."""
+"""Messages, and time [ns], without any acknowledgement after which a store is ignored: it is
+made up, or does not receive."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
-"""Receipts of new stores that are believed: at once, then each second."""
+"""Allowance of receipts of new stores: at once, then each second."""
 DEAF_AGAIN_NS = ns_from_s(60.0)
 MOST_DEAF = 64
 MOST_STORES = 8
-"""Ground stations that are sent all pulses; their numbers can be made up by anybody."""
+"""Most ground stations that are sent all pulses; their numbers can be made up by anyone."""
 REFILL_AT = 256
-"""Pulses in memory below which those on disk are asked for."""
+"""Number of pulses in memory below which those on disk are read."""
 REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 LIVE_S = 2.0
 STORE_SILENCE_NS = ns_from_s(10.0)
-"""A ground station that is silent for so long is not waited for; all it misses is on disk."""
+"""Silence after which a ground station is not waited for [ns]; its pulses are on disk."""
 PLAIN_AFTER_NS = ns_from_s(3.0)
-"""How long a ground station has to show that it acknowledges, once a second, before it gets
-each pulse once: at 40 % loss 3 % do not manage, and then get some twice."""
+"""Time in which a ground station must acknowledge, else it gets each pulse once [ns]. Stations
+acknowledge once a second: at 40 % loss 3 % do not manage, and get some twice."""
 PLAIN = 0
 """Store number of all the ground stations that do not acknowledge."""
 UNANSWERED_NS = ns_from_s(1.2)
-"""Pulses under way for so long without any receipt of one: perhaps another link does better."""
+"""Time without any acknowledgement after which another link is tried [ns]."""
 ROUGH_BYTES = 137
-"""A pulse as a frame, for the estimate how long the backlog takes."""
+"""Size of a pulse's frame, to estimate the time for the backlog."""
 PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""So often the inside of a burst is sent to a store that has acknowledged none; once, after so
-many in all: at 40 % loss each way one of 32 is answered but for one case in a million."""
+"""Times that the content of a burst is sent to a store that has acknowledged none; once, after
+this many in all: at 40 % loss each way one of 32 is answered but in one case in a million."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time of a pulse."""
 _EntryKey = ItemKey | tuple[int, int, int]
-"""Of a pulse; or, with a third number, of what is inside it."""
+"""Key of a pulse; with a third number, of its content."""
 Place = tuple[int, int]
 """A ground station: system and component id."""
 
@@ -92,18 +92,18 @@ class _Entry(Generic[T]):
     time_ns: int
     item: T
     inside: bytes | None = None
-    """It is what is inside a pulse: its payload."""
+    """Payload of a pulse's content, if it is that."""
     live: bool = True
-    """It is new, and goes to all; else it comes from disk, for one store."""
+    """Whether it is new, and goes to all; else it comes from disk, for one store."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
     overtaken: int = 0
     sends: int = 0
     tries: int = 0
-    """Sends less twins."""
+    """Number of sendings, twins counted once."""
     twin: bool = False
-    """What waits is the second of two copies."""
+    """Whether the second of two copies waits."""
     owed: set[int] = field(default_factory=set)
     """Stores that are present and do not have it."""
     kept: set[int] = field(default_factory=set)
@@ -112,7 +112,7 @@ class _Entry(Generic[T]):
 
     @property
     def pulse(self) -> ItemKey:
-        """The pulse that it is, or is inside of."""
+        """Key of the pulse that it is, or belongs to."""
         return self.key[0], self.key[1]
 
 
@@ -121,21 +121,21 @@ class _Store:
     place: Place
     heard_ns: int
     on_disk: bool = True
-    """Pulses it does not have may be on disk and not in memory."""
+    """Whether pulses it lacks may be on disk and not in memory."""
     acknowledges: bool = False
-    """It has acknowledged a pulse: there is somebody."""
+    """Whether it has acknowledged a pulse, and so exists."""
     sends: int = 0
-    """Messages it was sent without any acknowledgement."""
+    """Messages sent to it without any acknowledgement."""
     since_ns: int = 0
-    """When it appeared."""
+    """Time at which it appeared [ns]."""
     reads_insides: bool = False
-    """It has acknowledged what is inside a burst."""
+    """Whether it has acknowledged the content of a burst."""
     insides: int = 0
-    """Messages of such that it was sent."""
+    """Number of such messages sent to it."""
 
     @property
     def patience(self) -> float:
-        """How often what is inside a burst is sent to it."""
+        """Times that the content of a burst is sent to it."""
         if self.reads_insides:
             return math.inf
         return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
@@ -148,21 +148,21 @@ class _Store:
 
 @dataclass(frozen=True, slots=True)
 class _Done:
-    """A pulse, or its inside, that is no longer waited for."""
+    """A pulse, or its content, that is no longer waited for."""
 
     pulse: ItemKey
     kept: set[int]
-    """Who has it."""
+    """Stores that have it."""
     inside: bool
     has_inside: bool
 
 
 class ReliableSender(Generic[T]):
-    """Which pulse goes next.
+    """Decides which pulse goes next.
 
-    `encode`: payload of a pulse; called at each sending, for the generation may have changed.
-    `inside`: payload of what is inside a pulse besides, None where nothing is.
-    `inside_type`: payload type of that.
+    `encode`: payload of a pulse; called at each sending, since the generation may change.
+    `inside`: payload of a pulse's content, None without any. `inside_type`: payload type of
+    that.
     """
 
     def __init__(
@@ -176,10 +176,10 @@ class ReliableSender(Generic[T]):
         self._entries: dict[_EntryKey, _Entry[T]] = {}
         self._waiting: list[tuple[int, _EntryKey]] = []
         self._probes: OrderedDict[_EntryKey, _Entry[T]] = OrderedDict()
-        """What is only for stores that may be made up."""
+        """Pulses only for stores that may be made up."""
         self._probed_ns = -PROBES * PROBE_NS
         self._done: OrderedDict[int, _Done] = OrderedDict()
-        """By their hashes."""
+        """Finished pulses by their hashes."""
         self._sent: OrderedDict[_EntryKey, _Entry[T]] = OrderedDict()  # in order of sending
         self._by_hash: dict[int, _Entry[T]] = {}
         self._stores: dict[int, _Store] = {}
@@ -191,19 +191,19 @@ class ReliableSender(Generic[T]):
         self.repeats = 0
         self.acknowledged_pulses = 0
         self.fresh_trip_s: float | None = None
-        """Round trip that the last receipt showed, if it did."""
+        """Round trip of the last receipt [s], if it showed one."""
         self._unanswered_since_ns: int | None = None
         self._sent_plain: list[ItemKey] = []
         self._settled: list[tuple[int, ItemKey]] = []
         self.insides_sent = 0
-        """Messages on what is inside bursts."""
+        """Messages with the content of bursts."""
         self._new_stores = Allowance(burst=NEW_STORES, per_s=NEW_STORES_PER_S)
         self._deaf: dict[int, int] = {}
-        """When stores that acknowledged nothing were given up."""
+        """When stores that acknowledged nothing were ignored."""
         self.stores_refused = 0
         """Receipts of stores beyond `MOST_STORES`."""
         self.put_back = 0
-        """Pulses that left memory because it was full; they are on disk."""
+        """Pulses dropped from memory because it was full; they are on disk."""
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -225,14 +225,14 @@ class ReliableSender(Generic[T]):
 
     @property
     def proven(self) -> frozenset[int]:
-        """The stores that have acknowledged a pulse: there is somebody."""
+        """The stores that have acknowledged a pulse, and so exist."""
         return frozenset(n for n, store in self._stores.items() if store.acknowledges)
 
     def keys(self, store: int) -> set[ItemKey]:
-        """Pulses in memory that a store needs no longer, or gets from here.
+        """Pulses in memory that a store no longer needs, or gets from here.
 
-        Others in memory may be for other stores alone, and must be read for this one, too.
-        For `PLAIN` it is all of them.
+        Others in memory may be for other stores alone, and must be read for this one, too. For
+        `PLAIN` it is all of them.
         """
         return {
             entry.pulse
@@ -247,7 +247,7 @@ class ReliableSender(Generic[T]):
         return min(most, CAPACITY - len(self._entries))
 
     def add(self, key: ItemKey, item: T) -> None:
-        """Add a pulse that is safe on disk; one that is here already is left alone."""
+        """Add a pulse that is safe on disk; one that is here already is ignored."""
         if key not in self._entries:
             entry = _Entry(key, key[1], item, owed=set(self._stores))
             self._entries[key] = entry
@@ -255,11 +255,10 @@ class ReliableSender(Generic[T]):
             self._bound()
 
     def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
-        """Add pulses from disk that a store does not have.
+        """Add pulses from disk that a store lacks.
 
-        `store`: the store, or `PLAIN`.
-        `items`: each (key, pulse); at most `CAPACITY` less what is here.
-        `more`: whether there are others on disk.
+        `store`: the store, or `PLAIN`. `items`: each (key, pulse); at most `CAPACITY` less what
+        is here. `more`: whether there are others on disk.
         """
         for key, item in items:
             if key not in self._entries:
@@ -283,21 +282,21 @@ class ReliableSender(Generic[T]):
         return PLAIN if self._plain_on_disk and not self._stores else None
 
     def reading(self, store: int) -> None:
-        """The disk is read for a store from now on: `refill` follows."""
+        """Note that the disk is read for a store; `refill` follows."""
         if store == PLAIN:
             self._plain_on_disk = False
         elif store in self._stores:
             self._stores[store].on_disk = False
 
     def _ask_again(self, store: int) -> None:
-        """There is more on disk for a store, or for those that do not acknowledge."""
+        """Note that there is more on disk for a store, or for those that do not acknowledge."""
         if store == PLAIN:
             self._plain_on_disk = True
         elif store in self._stores:
             self._stores[store].on_disk = True
 
     def disk_has_news(self) -> None:
-        """Pulses may be on disk that are not here: a flight was opened or reopened."""
+        """Note that pulses may be on disk that are not here: a flight was opened."""
         self._plain_on_disk = True
         for store in self._stores.values():
             store.on_disk = True
@@ -310,12 +309,12 @@ class ReliableSender(Generic[T]):
             self._station_since_ns = now_ns
 
     def unanswered(self, now_ns: int) -> bool:
-        """Return whether what is under way has been without any answer for too long."""
+        """Whether messages under way have been without any answer for too long."""
         since_ns = self._unanswered_since_ns
         return since_ns is not None and now_ns - since_ns > UNANSWERED_NS
 
     def link_changed(self) -> None:
-        """Pulses go by another link: those under way go again at once, by that one."""
+        """Send the pulses under way again, by the new link."""
         self._unanswered_since_ns = None
         self.trips = RoundTrips()
         for entry in list(self._sent.values()):
@@ -384,7 +383,7 @@ class ReliableSender(Generic[T]):
         return [done.pulse]
 
     def _add_inside(self, entry: _Entry[T], store: int) -> bool:
-        """Let a store that has a pulse have its inside, too; False where there is none."""
+        """Queue the content for a store that has the pulse; False without any."""
         payload = self._inside(entry.item)
         if payload is None:
             return False
@@ -399,12 +398,12 @@ class ReliableSender(Generic[T]):
         return True
 
     def settled(self) -> list[tuple[int, ItemKey]]:
-        """Return stores that do not read insides, with their pulses, since the last call."""
+        """Stores that do not read contents, with their pulses, since the last call."""
         settled, self._settled = self._settled, []
         return settled
 
     def _trust(self, number: int) -> None:
-        """A store has acknowledged a pulse: there is somebody."""
+        """Note that a store has acknowledged a pulse, and so exists."""
         if not self._stores[number].acknowledges:
             self._stores[number].acknowledges = True
             self._wait_no_longer_as_probe(number)
@@ -416,14 +415,14 @@ class ReliableSender(Generic[T]):
                 self._wait(entry)
 
     def _is_trusted(self, entry: _Entry[T]) -> bool:
-        """Whether somebody lacks a pulse who is known to be there."""
+        """Whether a store that exists lacks a pulse."""
         return any(self._stores[number].acknowledges for number in entry.owed)
 
     def _waits_for_anyone(self, entry: _Entry[T]) -> bool:
         """Whether a pulse that one store has must go again for another.
 
         Not for one that has acknowledged nothing: it may be made up, and must not fill the
-        window. If there is somebody, what it lacks comes from the disk.
+        window. If it exists, it gets missing pulses from the disk.
         """
         if self._is_trusted(entry):
             return True
@@ -441,7 +440,7 @@ class ReliableSender(Generic[T]):
         return bool(idle)
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """Time until a pulse may go; None when nothing is to go."""
+        """Time until a pulse may go [ns]; None when nothing is to go."""
         if self._station_since_ns is None:
             return None
         self._drop_silent_stores(now_ns)
@@ -460,7 +459,7 @@ class ReliableSender(Generic[T]):
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
         """Return the payload that goes now.
 
-        `rate_bytes_s`: what the link takes, for the choice between oldest and newest.
+        `rate_bytes_s`: of the link, for the choice between oldest and newest.
         """
         self._expire(now_ns)
         entry = self._next(now_ns, rate_bytes_s) if self.wait_ns(now_ns) == 0 else None
@@ -496,7 +495,7 @@ class ReliableSender(Generic[T]):
             self.repeats += 1
 
     def _next(self, now_ns: int, rate_bytes_s: float) -> _Entry[T] | None:
-        """Choose the pulse that goes, and no longer let it wait."""
+        """Choose the pulse that goes, and remove it from the queue."""
         if self._waiting:
             backlog_s = len(self._waiting) * ROUGH_BYTES / rate_bytes_s
             _, key = self._waiting.pop(-1 if backlog_s > LIVE_S else 0)
@@ -520,7 +519,7 @@ class ReliableSender(Generic[T]):
             self._wait(entry)
 
     def sent_plain(self) -> list[ItemKey]:
-        """Return what was sent, since the last call, to plain ground stations only: done."""
+        """Pulses sent, since the last call, to plain ground stations only: done."""
         done, self._sent_plain = self._sent_plain, []
         return done
 
@@ -537,7 +536,7 @@ class ReliableSender(Generic[T]):
             self._by_hash[number] = entry
 
     def _deadline_ns(self, entry: _Entry[T]) -> int:
-        """When a pulse on its way counts as lost; later each time, for the link may be slow."""
+        """Time at which a pulse under way counts as lost [ns]; later with each try."""
         backoff = min(MAX_BACKOFF, BACKOFF ** (entry.tries - 1))
         return entry.sent_ns + ns_from_s(self.trips.timeout_s * backoff)
 
@@ -551,7 +550,7 @@ class ReliableSender(Generic[T]):
             self._again(entry)
 
     def _again(self, entry: _Entry[T]) -> None:
-        """Queue again what was lost, unless it is an inside that nobody reads."""
+        """Queue lost pulses again, but no content that no store reads."""
         if entry.inside is not None:
             for number in list(entry.owed):
                 if entry.tries >= self._stores[number].patience:
@@ -589,7 +588,7 @@ class ReliableSender(Generic[T]):
             self._drop_store(number, now_ns)
 
     def _believes_in(self, number: int, now_ns: int) -> bool:
-        """Whether a new store is taken for one: anybody can make up a number."""
+        """Whether to accept a new store: anyone can make up a number."""
         deaf_ns = self._deaf.get(number)
         if deaf_ns is not None and now_ns - deaf_ns < DEAF_AGAIN_NS:
             return False
@@ -615,7 +614,7 @@ class ReliableSender(Generic[T]):
                 self._wait(entry)
 
     def _give_up(self, entry: _Entry[T]) -> None:
-        """Leave a pulse to the disk; those that do not acknowledge have had it."""
+        """Leave a pulse to the disk; plain stations have been sent it."""
         for number in entry.owed:
             self._stores[number].on_disk = True
         if entry.live and entry.sends and not entry.kept:

@@ -1,8 +1,7 @@
-"""What the numbered versions add to commands: repeatable requests, uploads as sets.
+"""Additions of the numbered versions to commands: repeatable requests, uploads as sets.
 
-Rules of version 4 and later: a ground station repeats the same
-bytes until it is acknowledged; the drone keeps its last 16 acknowledgements for 120 s and gives
-them again, good and bad alike.
+From version 4 on a ground station repeats the same bytes until they are acknowledged; the drone
+keeps its last 16 acknowledgements for 120 s and gives them again, good and bad alike.
 """
 
 from collections import OrderedDict
@@ -38,9 +37,8 @@ class RequestCache:
     ) -> bytes | bool:
         """Look a request up, and keep it if it is new.
 
-        Returns: the acknowledgement to give again; True for a repetition that is still being
-        worked on; False for a new request.
-        Raises `TunnelError`: the id was used for something else.
+        Returns the acknowledgement to give again; True for a repetition in progress; False for
+        a new request. Raises `TunnelError` if the id was used for another one.
         """
         if request_id == 0:
             return False  # never kept
@@ -74,7 +72,7 @@ class TagUpload:
     indices: set[int] = field(default_factory=set)
 
     def check_tag(self, message: TagG2 | CodedTag, asker: Asker) -> None:
-        """Raise `TunnelError` for a tag that does not belong here."""
+        """Raise `TunnelError` for a tag of another upload."""
         if (message.upload_id, asker) != (self.upload_id, self.asker):
             raise TunnelError(
                 f"stale upload_id {message.upload_id}: {self.upload_id} is open",

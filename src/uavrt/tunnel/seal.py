@@ -5,12 +5,12 @@ payload. Layouts of sealed message (60002), session (60004) and proven answer (6
 manual's tunnel reference.
 
 The drone draws a session at random whenever its connection starts. A seal holds for one drone,
-one session and one use: no message can be repeated, after a restart or to another drone,
-whatever any clock shows, and nothing is kept on a disk. A sender's counter begins above the
-newest that the drone announces and above its own clock's microseconds.
+one session and one use: no message can be replayed, after a restart or to another drone,
+whatever the clocks show, and nothing is stored. A sender's counter begins above the newest that
+the drone announces and above its own clock's microseconds.
 
-Anyone can record an announcement of the session and send it again. So the ground station seals
-a nonce for each announced session, and uses the session whose drone returns it.
+Anyone can replay an announcement of the session. So the ground station seals a nonce for each
+announced session, and uses the session whose drone returns it.
 """
 
 import hashlib
@@ -55,20 +55,20 @@ class Key:
 def read_key(path: str | Path) -> Key:
     """Read a key: at least 32 hexadecimal digits in a file that only its owner may read.
 
-    Raises `ConfigError`: there is none, or others may read it.
+    Raises `ConfigError` without one, or if others may read it.
     """
     return Key(read_key_file(path, "key file", least=LEAST_KEY, most=MOST_KEY))
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What a seal is for: one run of one drone's connection."""
+    """Validity of a seal: one run of one drone's connection."""
 
     number: int
     drone: Place
 
     def mixed_in(self) -> bytes:
-        """Get the bytes that the seal proves besides the message."""
+        """Bytes that the seal proves in addition to the message."""
         return struct.pack("<QBB", self.number, *self.drone)
 
 
@@ -85,7 +85,7 @@ def seal(
 def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int, int]:
     """Read an announcement: session, newest counter accepted in it, nonce returned (0: none).
 
-    Raises `TunnelError`: it is none, or made with another key.
+    Raises `TunnelError` for anything else, or another key.
     """
     head, mac = payload[:-8], payload[-8:]
     sizes = {_VERSION: _SESSION.size, _VERSION_ECHO: _SESSION.size + _NONCE.size}
@@ -111,7 +111,7 @@ def proven_answer(
 ) -> bytes:
     """Turn an answer of type 60011 back into one of type 60006.
 
-    Raises `TunnelError`: it answers none of these requests, or is forged.
+    Raises `TunnelError` if it answers none of these requests, or is forged.
     """
     first = payload[0] if payload else 0
     for request_id in request_ids:
@@ -127,16 +127,16 @@ def _proof(state: bytes, key: Key, session: Session, station: Place) -> bytes:
 
 
 def alive_inside(nonce: int, *, files: bool = False) -> bytes:
-    """Write the inside of a sign of life.
+    """Write the content of a sign of life.
 
-    The drone returns a nonce that is not 0. With `files` it answers the station's requests for
+    The drone returns a nonce other than 0. With `files` it answers the station's requests for
     files quickly, also while it detects.
     """
     return _ALIVE.pack(nonce, files)
 
 
 def alive_of(inside: bytes) -> tuple[int, bool]:
-    """Read a sign of life: nonce, whether files are asked for; raises `TunnelError`."""
+    """Read a sign of life: nonce, and whether files are requested; raises `TunnelError`."""
     if len(inside) != _ALIVE.size:
         raise TunnelError(f"a sign of life has 9 bytes, not {len(inside)}", inside)
     nonce, flags = _ALIVE.unpack(inside)
@@ -144,7 +144,7 @@ def alive_of(inside: bytes) -> tuple[int, bool]:
 
 
 def parameter_inside(name: str, value: float) -> bytes:
-    """Write what is inside for a parameter."""
+    """Write the content for a parameter."""
     return _PARAMETER.pack(name.encode("ascii"), value)
 
 
@@ -169,7 +169,7 @@ class SealKeeper:
         self._newest: dict[Place, int] = {}
 
     def announcement(self, drone: Place, nonce: int = 0) -> bytes:
-        """Write the session for who may command; a nonce proves that it is the current one."""
+        """Write the session for authorised senders; a nonce proves that it is current."""
         newest = max(self._newest.values(), default=0)
         version = _VERSION_ECHO if nonce else _VERSION
         head = _SESSION.pack(version, self._session, newest)
@@ -181,10 +181,10 @@ class SealKeeper:
         return prove_answer(state, self._key, Session(self._session, drone), station)
 
     def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
-        """Get what is inside, and its kind.
+        """Get the content, and its kind.
 
-        Raises `TunnelError`: forged, repeated, damaged, or for another drone or session; the
-        text says which.
+        Raises `TunnelError`, with the reason: forged, repeated, damaged, or for another drone
+        or session.
         """
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)

@@ -1,7 +1,7 @@
-"""Tag list digests: do drone and ground mean the same list?
+"""Digests to compare the tag lists of drone and ground.
 
-A drone that detects refuses new tags and says in the refusal which it searches, with a digest.
-A ground station that was restarted finds its own list by it and goes on listening.
+A drone that detects refuses new tags and reports its list with a digest. A restarted ground
+station recognises its own list by it and continues to receive.
 """
 
 import hashlib
@@ -16,17 +16,16 @@ _DIGEST = re.compile(r"\blist ([0-9a-f]{8})\b")
 
 
 def tag_list_digest(tags: Iterable[Tag]) -> str:
-    """Get eight hexadecimal digits that tell tag lists apart, in whatever order.
+    """Eight hexadecimal digits that identify a tag list, in whatever order.
 
-    What the wire does not carry, names and fractions of a millisecond, does not count: the
-    drone may have the list from a wire or from a file.
+    Names and fractions of a millisecond, which the wire does not carry, do not count.
     """
     encoded = sorted(_of_code(tag) if tag.coded else tag_to_wire(tag).encode() for tag in tags)
     return hashlib.blake2b(b"".join(encoded), digest_size=4).hexdigest()
 
 
 def _of_code(tag: Tag) -> bytes:
-    """What tells a coded tag, for which the wire has no message: times in microseconds."""
+    """Identity of a coded tag, which has no message on the wire: times in microseconds."""
     times_s = (*tag.gaps_s, *tag.pulse_intervals_s, tag.pulse_width_s)
     numbers = (tag.tag_id, round(tag.frequency_hz), *(round(1e6 * one) for one in times_s))
     return b"coded" + repr(numbers).encode()
@@ -43,6 +42,6 @@ def searched_text(tags: Iterable[Tag]) -> str:
 
 
 def digest_in(text: str) -> str | None:
-    """Find the digest in what a drone said; None when there is none."""
+    """Find the digest in a drone's text; None without one."""
     found = _DIGEST.search(text)
     return found[1] if found else None

@@ -1,9 +1,9 @@
-"""What all tunnel messages share: numbers, strict packing and unpacking.
+"""Common parts of all tunnel messages: numbers, strict packing and unpacking.
 
-A payload is a C struct with natural alignment, little-endian, whose first member is the
-command as u32; ``payload_type`` of the MAVLink message is 0 in every version. Pads are written
-as zeros and never looked at, because the original senders never cleared theirs. Formats are
-explicit (``<`` and ``x``), so they are the same on every machine.
+A payload is a C struct with natural alignment, little-endian, whose first member is the command
+as u32; ``payload_type`` of the MAVLink message is 0 in every version. Pads are written as zeros
+and ignored, because the original senders never cleared theirs. Formats are explicit (``<`` and
+``x``), so they are the same on every machine.
 """
 
 import struct
@@ -24,7 +24,7 @@ PAYLOAD_TYPE = 0
 
 
 class Fixed:
-    """A message of one length; its fields are in the layout, in their order.
+    """A message of one length; its fields are in the order of the layout.
 
     A text is the last field: NUL-terminated, cut to its size. Where several commands have the
     same layout, the command is the first field.
@@ -34,7 +34,7 @@ class Fixed:
     COMMAND: ClassVar[CommandId | None] = None
     LAYOUT: ClassVar[struct.Struct]
     TEXT_SIZE: ClassVar[int] = 0
-    """Bytes of the text with its NUL; 0: it has none."""
+    """Bytes of the text with its NUL; 0: no text."""
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -77,7 +77,7 @@ class Message(Protocol):
 
 Decoder = Callable[[bytes], Message]
 Decoders = dict[tuple[int, int], Decoder]
-"""What to do with a payload of (command, length)."""
+"""Decoders by command and length."""
 
 
 def decoders_of(*kinds: type[Fixed]) -> Decoders:
@@ -95,7 +95,7 @@ def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> 
 
 
 def command_name(number: int) -> str:
-    """Write a command for people: ``"stop detection"``; a number that nobody knows as such."""
+    """Write a command for people: ``"stop detection"``; an unknown number as such."""
     try:
         return CommandId(number).name.lower().replace("_", " ")
     except ValueError:
@@ -103,10 +103,7 @@ def command_name(number: int) -> str:
 
 
 def command_of(number: int, payload: bytes) -> CommandId:
-    """Get the command of a number that came by a wire.
-
-    Raises `TunnelError`: there is none.
-    """
+    """Get the command of a number on the wire; raises `TunnelError` for an unknown one."""
     try:
         return CommandId(number)
     except ValueError:
@@ -114,11 +111,7 @@ def command_of(number: int, payload: bytes) -> CommandId:
 
 
 def pack(layout: struct.Struct, *values: object) -> bytes:
-    """Pack values, zeros in the pads.
-
-    Raises `TunnelError`: a value does not fit its field; the caller should not have let it come
-    here.
-    """
+    """Pack values, zeros in the pads; raises `TunnelError` for a value that does not fit."""
     try:
         return layout.pack(*values)
     except (struct.error, OverflowError) as error:
@@ -126,10 +119,7 @@ def pack(layout: struct.Struct, *values: object) -> bytes:
 
 
 def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[Any, ...]:
-    """Unpack a payload of exactly the layout's length and the given command.
-
-    Raises `TunnelError`: another length or another command.
-    """
+    """Unpack a payload; raises `TunnelError` for another length or another command."""
     if len(payload) != layout.size:
         check(payload, command, layout.size)
     number, *values = layout.unpack(payload)

@@ -278,7 +278,7 @@ def _mistakes(
         figure = sum(wrong) / hours
         # What would show a bar so low takes hours beyond an experiment.
         shown = high / hours <= most or figure > most or most * hours > 1.0
-        note = f"at most {high / hours:.3f}; the power law of `benchmarks coded` tells more"
+        note = f"at most {high / hours:.3f}; see the power law of `benchmarks coded`"
         return [
             Row(
                 experiment="E23",

@@ -239,18 +239,18 @@ def _recall_rows(case: str, flights: Sequence[tuple[Comparison, Comparison]]) ->
     unsaid, (low, high) = share_by_flight(
         [u.confirmed for u, _ in flights], [u.true for u, _ in flights]
     )
-    told = sum(t.confirmed for _, t in flights) / sum(t.true for _, t in flights)
+    reported = sum(t.confirmed for _, t in flights) / sum(t.true for _, t in flights)
     return [
         Row(
             experiment="E9",
-            quantity="recall over that of the same losses told",
+            quantity="recall over that with reported losses",
             case=case,
-            figure=unsaid / told,
-            low=low / told,
-            high=high / told,
+            figure=unsaid / reported,
+            low=low / reported,
+            high=high / reported,
             n=sum(u.true for u, _ in flights),
             least=0.95,
-            note=f"told {told:.3f}; {len(flights)} flights",
+            note=f"reported {reported:.3f}; {len(flights)} flights",
         )
     ]
 

@@ -94,7 +94,7 @@ class Yard:
         self.output = OutputLog(directory)
         self.wake = asyncio.Event()
         settings = Settings(recording=RecordingSettings(directory=str(directory)))
-        mission = made.mission(settings, directory, tell=self._tell)
+        mission = made.mission(settings, directory, notify=self._notify)
         # A nursery that never comes: processes are executed.
         launcher = Launcher()
         launcher.tend = lambda: None  # type: ignore[method-assign]
@@ -103,14 +103,14 @@ class Yard:
             mission,
             launcher=launcher,
             workers=1,
-            tell=self._tell,
+            notify=self._notify,
             on_line=lambda _instance, line: self.records.append(line),
             on_output=self._on_output,
             wake=self.wake.set,
         )
         self.instance = self.fleet.instance_of(row)
 
-    def _tell(self, severity: int, text: str) -> None:
+    def _notify(self, severity: int, text: str) -> None:
         self.texts.append((severity, text))
 
     def _on_output(self, instance: Instance, line: bytes) -> None:

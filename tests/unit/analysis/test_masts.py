@@ -168,7 +168,7 @@ def test_an_upright_whip_on_a_mast_goes_in_too(tmp_path: Path, drone: Flown) -> 
     assert own.positions == []
     joined = page(drone, own)
     on_its_own_page = Estimator().estimate(
-        mast.columns, whip, tags=[TAG], beside=[alone], name="vehicle 7, mast"
+        mast.columns, whip, tags=[TAG], companions=[alone], name="vehicle 7, mast"
     )
     assert joined.positions[0]["radius95_m"] < 0.9 * alone.positions[0]["radius95_m"]
     assert on_its_own_page.positions[0]["radius95_m"] == pytest.approx(
@@ -178,7 +178,7 @@ def test_an_upright_whip_on_a_mast_goes_in_too(tmp_path: Path, drone: Flown) -> 
 
 def page(drone: Flown, *others: Estimates) -> Estimates:
     return Estimator().estimate(
-        drone.columns, AntennaChoice(), tags=[TAG], beside=others, name=vehicle_note(1)
+        drone.columns, AntennaChoice(), tags=[TAG], companions=others, name=vehicle_note(1)
     )
 
 
@@ -202,7 +202,7 @@ def test_the_page_joins_a_masts_strengths_as_the_command_line_does(
     others = page(drone)
     (masts,) = (
         Estimator()
-        .estimate(mast.columns, AntennaChoice(), tags=[TAG], beside=[others])
+        .estimate(mast.columns, AntennaChoice(), tags=[TAG], companions=[others])
         .positions
     )
     assert masts["radius95_m"] == pytest.approx(position["radius95_m"], rel=0.01)

@@ -24,7 +24,7 @@ def test_nothing_wrong_in_a_few_hours_is_no_bar_met() -> None:
     few = [Mistaken(code_hours=2.8, wrong=0) for _ in range(10)]
     (row,) = BESIDE.rows(few)
     assert row.verdict == "not shown"
-    assert row.note == "at most 0.132; the power law of `benchmarks coded` tells more"
+    assert row.note == "at most 0.132; see the power law of `benchmarks coded`"
     assert bars_kept([row]) == (
         "0 of 0 bars met; of the 0 not met 0 beyond the 95 % interval; 1 more not shown"
     )

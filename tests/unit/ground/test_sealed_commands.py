@@ -138,7 +138,7 @@ def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: P
         lambda: True,
         send=lambda value, _: asked.append(value.param_id),
         ask=lambda _: None,
-        tell=lambda _: None,
+        notify=lambda _: None,
     )
 
     def drone(message: Message) -> None:

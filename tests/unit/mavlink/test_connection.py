@@ -95,7 +95,7 @@ async def test_a_drone_that_does_not_answer_is_named(world: World) -> None:
 async def test_a_long_status_text_arrives_whole(world: World) -> None:
     text = "All detectors started at 148.700 MHz; two tags share a channel, watch their order."
     async with world.flying(), world.station() as (_, events):
-        world.computer.supervisor._tell(4, text)
+        world.computer.supervisor._notify(4, text)
         await until(lambda: StatusText(severity=4, text=text) in events)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from uavrt.messages import Health
 from uavrt.processes.commit_times import OTHERS_S, PULSES_S, CommitTimes
-from uavrt.processes.told_health import PERIOD_NS, ToldHealth
+from uavrt.processes.told_health import PERIOD_NS, HealthFilter
 
 STEP_S = 0.25
 
@@ -67,9 +67,9 @@ def health(number: int, status: str, process: str = "connection") -> Health:
 def test_every_change_of_a_process_is_recorded_to_the_second_and_its_last_word(
     said: list[tuple[str, str]],
 ) -> None:
-    told = ToldHealth()
+    told = HealthFilter()
     everything = [health(n, status, process) for n, (process, status) in enumerate(said)]
-    recorded = [one for given in everything for one in told.worth_telling(given)]
+    recorded = [one for given in everything for one in told.to_record(given)]
     recorded += told.last()
     for process in "ab":
         own = [one for one in everything if one.process == process]
@@ -90,11 +90,11 @@ def test_every_change_of_a_process_is_recorded_to_the_second_and_its_last_word(
 
 
 def test_arming_and_landing_are_recorded_to_the_second() -> None:
-    told = ToldHealth()
+    told = HealthFilter()
     said = []
     for number in range(60):
         counters = {"autopilot_armed": float(10 <= number < 50), "autopilot_landed": 0.0}
         counters["autopilot_landed"] = float(not 14 <= number < 45)
         said.append(replace(health(number, "ready"), counters=counters))
-    recorded = [one for given in said for one in told.worth_telling(given)] + told.last()
+    recorded = [one for given in said for one in told.to_record(given)] + told.last()
     assert {0, 9, 10, 13, 14, 44, 45, 49, 50, 59} <= {said.index(one) for one in recorded}

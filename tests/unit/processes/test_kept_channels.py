@@ -42,7 +42,7 @@ class Frame:
             worker_of_tag={tag.tag_id: 0 for tag in TAGS},
         )
 
-    def tell(self, severity: int, text: str) -> None:
+    def notify(self, severity: int, text: str) -> None:
         """Hear it."""
         self.told.append(text)
 

@@ -35,7 +35,7 @@ class Frame:
             worker_of_tag={TAG.tag_id: 0},
         )
 
-    def tell(self, severity: int, text: str) -> None:
+    def notify(self, severity: int, text: str) -> None:
         """Keep a text for the operator."""
         self.texts.append(text)
 

@@ -56,7 +56,7 @@ def make_receiver(directory: Path) -> Receiver:
         def __init__(self) -> None:
             self.texts: list[str] = []
 
-        def tell(self, severity: int, text: str) -> None:
+        def notify(self, severity: int, text: str) -> None:
             if "recorded" in text:
                 self.texts.append(text)
 

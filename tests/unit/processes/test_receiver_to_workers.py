@@ -77,7 +77,7 @@ def flown(
             },
         )
 
-        def tell(self, severity: int, text: str) -> None:
+        def notify(self, severity: int, text: str) -> None:
             """Nobody listens."""
 
         def send(self, topic: str, record: object) -> None:

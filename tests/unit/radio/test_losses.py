@@ -151,7 +151,7 @@ def test_what_a_radio_tells_later_is_not_counted_twice() -> None:
     for transfer in stream.transfers():
         placer.arrived(transfer.count, START_NS + round(transfer.arrival_s * 1e9))
         if transfer.first > stream.losses[0] + 1_500_000 and not told:
-            placer.tell_lost(stream.lost)
+            placer.add_lost(stream.lost)
             told = True
         placer.place(np.zeros(transfer.count, np.complex64))
     assert told

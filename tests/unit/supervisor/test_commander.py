@@ -91,7 +91,7 @@ class Drone:
         self.operations = Operations(
             settings.recording,
             publish=lambda _operation: None,
-            tell=lambda _severity, _text: None,
+            notify=lambda _severity, _text: None,
             clock_s=self.watch,
         )
         self.mission = made.mission(settings, directory, operations=self.operations)

@@ -18,7 +18,7 @@ def _told(directory: Path, gaps_ms: list[float]) -> list[str]:
             detection=DetectionSettings(maximum_tags=10),
         ),
         directory,
-        tell=lambda _severity, text: told.append(text),
+        notify=lambda _severity, text: told.append(text),
     )
     tags = [
         made.tag(

@@ -19,7 +19,7 @@ def test_what_ended_again_and_again_in_one_flight_is_not_degraded_in_the_next(
     mission = Mission(
         Settings(recording=RecordingSettings(directory=str(tmp_path))),
         StateStore(tmp_path),
-        tell=lambda _severity, _text: None,
+        notify=lambda _severity, _text: None,
         on_start=lambda _flight: None,
         on_stop=lambda: None,
     )
@@ -29,7 +29,7 @@ def test_what_ended_again_and_again_in_one_flight_is_not_degraded_in_the_next(
         mission,
         launcher=Launcher(),
         workers=1,
-        tell=lambda _severity, _text: None,
+        notify=lambda _severity, _text: None,
         on_line=lambda _instance, _line: None,
         on_output=lambda _instance, _line: None,
         wake=lambda: None,

@@ -30,13 +30,13 @@ class Drone:
             save_directory=None if drive is None else str(drive),
             **recording,  # type: ignore[arg-type]
         )
-        tell = lambda _severity, text: self.texts.append(text)  # noqa: E731
+        notify = lambda _severity, text: self.texts.append(text)  # noqa: E731
         self.now_s = 0.0
-        self.operations = Operations(settings, self.steps.append, tell, lambda: self.now_s)
+        self.operations = Operations(settings, self.steps.append, notify, lambda: self.now_s)
         self.mission = made.mission(
             Settings(recording=settings, radio=RadioSettings()),
             directory,
-            tell=tell,
+            notify=notify,
             on_start=self.started.append,
             operations=self.operations,
         )

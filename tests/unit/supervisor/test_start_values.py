@@ -29,7 +29,7 @@ class Drone:
                 radio=RadioSettings(kind=kind, center_frequency_hz=148.7e6),
             ),
             StateStore(directory),
-            tell=lambda _severity, text: self.told.append(text),
+            notify=lambda _severity, text: self.told.append(text),
             on_start=lambda _flight: None,
             on_stop=lambda: None,
         )

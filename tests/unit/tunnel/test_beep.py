@@ -85,7 +85,7 @@ def test_an_offset_that_leaves_no_listed_frequency_is_refused(offset_hz: float) 
 def test_a_kind_that_says_something_of_a_tag_is_refused_without_one(kind: BeepKind) -> None:
     payload = bytearray(encode_beep(made.beep(BeepKind.UNLISTED)))
     payload[1] = list(BeepKind).index(kind)
-    with pytest.raises(TunnelError, match="names no tag"):
+    with pytest.raises(TunnelError, match="needs a tag"):
         decode_beep(bytes(payload))
 
 
@@ -94,7 +94,7 @@ def test_a_damaged_row_of_a_flight_is_no_beep() -> None:
     for column, cell in (("offsets_hz", ""), ("kind", "mirrored"), ("interval_s", 0.0)):
         row = list(beep_row(NAMED if column != "kind" else made.beep(BeepKind.UNLISTED)))
         row[columns.index(column)] = cell
-        with pytest.raises(ValueError, match=r"offset|names no tag|interval"):
+        with pytest.raises(ValueError, match=r"offset|needs a tag|interval"):
             beep_from_row(tuple(row))
 
 

@@ -10,6 +10,7 @@ from uavrt.messages import PulsePose
 from uavrt.tunnel.codec import acked_command_of, decode, generation_of
 from uavrt.tunnel.convert import (
     detector_heartbeat,
+    has_place,
     heartbeat_to_wire,
     pulse_from_wire,
     pulse_to_wire,
@@ -17,7 +18,6 @@ from uavrt.tunnel.convert import (
     tag_from_wire,
     tag_of_number,
     tag_to_wire,
-    tells_a_place,
 )
 from uavrt.tunnel.g0 import PulseG0
 from uavrt.tunnel.g1 import AckG1, Heartbeat, PulseG1, StartDetection, TagG1
@@ -279,7 +279,7 @@ def test_a_pulse_is_kept_without_a_place_that_is_not_on_the_globe(
     heard = pulse_from_wire(astray, None)
     assert isinstance(heard, PulsePose)
     assert heard.pose is None
-    assert tells_a_place(astray)
+    assert has_place(astray)
     kept = pulse_from_wire(wire, None)
     assert isinstance(kept, PulsePose)
     assert kept.pose is not None

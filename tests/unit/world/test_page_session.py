@@ -168,7 +168,7 @@ async def test_a_flight_whose_end_the_station_did_not_hear_is_not_gone_on_with(
 async def test_what_the_drone_says_is_kept_as_it_is(tmp_path: Path) -> None:
     async with flown(tmp_path) as (world, page):
         said = '<script>alert(1)</script> "quoted" & more'
-        world.computer.supervisor._tell(4, said)
+        world.computer.supervisor._notify(4, said)
         await asyncio.sleep(1.0)
         log = (await page.ask("GET", "/api/log")).json
         (line,) = [line for line in log if line["text"] == said]

@@ -26,7 +26,7 @@ from uavrt.messages import (
     Tag,
 )
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode
-from uavrt.tunnel.convert import pulse_from_wire, tag_of_number, tells_a_place
+from uavrt.tunnel.convert import has_place, pulse_from_wire, tag_of_number
 from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
 from uavrt.tunnel.g1 import STATES, AckG1, Heartbeat, PulseG1
 from uavrt.tunnel.g2 import (
@@ -312,7 +312,7 @@ class GroundProtocol:
         pulse = pulse_from_wire(message, tag)
         if pulse is None:
             return self._detector_alive(message.tag_id)
-        if isinstance(pulse, PulsePose) and pulse.pose is None and tells_a_place(message):
+        if isinstance(pulse, PulsePose) and pulse.pose is None and has_place(message):
             self.counters["bad_poses"] += 1  # the pulse is kept without it
         return pulse
 

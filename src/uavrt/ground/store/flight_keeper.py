@@ -29,7 +29,7 @@ from uavrt.messages import (
 from uavrt.on_ground import ARMED, GROUND_STATION, LANDED
 from uavrt.recording.disk_thread import Disk, at_once
 from uavrt.recording.flight_order import copy_beside
-from uavrt.recording.flight_reader import told_in
+from uavrt.recording.flight_reader import ground_states_in
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout, new_flight_directory
 from uavrt.recording.plain_database import open_plain
@@ -134,7 +134,7 @@ class FlightKeeper:
                 (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
                 self._forget(flight_id, start_ns)
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
-                self._live.resume(keys.fetchall(), told_in(database))
+                self._live.resume(keys.fetchall(), ground_states_in(database))
         except (RecordingError, sqlite3.Error, TypeError) as error:
             log.warning("flight not resumed", flight=flight_id, reason=str(error))
             self.queue.writer.end()

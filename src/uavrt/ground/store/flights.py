@@ -20,7 +20,7 @@ from uavrt.ground.store.known_flights import FlightChoice, FlightSummary, KnownF
 from uavrt.localization.heard import Heard, PoseColumns, PulseColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.recording.flight_order import flown_name, order_noted
-from uavrt.recording.flight_reader import DAMAGED, told_in
+from uavrt.recording.flight_reader import DAMAGED, ground_states_in
 from uavrt.recording.layout import FlightLayout, Stamp, stamp_of
 from uavrt.recording.places import GROUND_NOTE, Places, places_of, vehicle_of
 from uavrt.recording.plain_database import open_plain
@@ -296,7 +296,7 @@ class FlightLibrary:
     def columns(self, flight_id: str) -> Columns:
         """Read the pulses and poses of a flight; raises `UsageError` or `FormatError`."""
         with self._database(flight_id) as database:
-            spans = told_in(database).spans()
+            spans = ground_states_in(database).spans()
             first = database.execute(_SELECT_TAKEOFF).fetchone()
         return Columns(
             pulses=self.pulses(flight_id),

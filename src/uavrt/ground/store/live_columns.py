@@ -8,7 +8,7 @@ import numpy as np
 
 from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.messages import BurstInside, Pose, PulsePose
-from uavrt.on_ground import ToldStates
+from uavrt.on_ground import GroundStates
 
 POSE_STEP_NS = 190_000_000
 """Poses are kept five times a second at most: 36 000 in two hours."""
@@ -24,12 +24,12 @@ class LiveColumns:
         """Of its pulses: tag and start time [ns]."""
         self._pulses = array("d")
         self._poses = array("d")
-        self._states = ToldStates()
+        self._states = GroundStates()
         self._last_pose_ns = 0
         self._takeoff: tuple[float, float] = math.inf, math.nan
         """Time of the first pose [ns], and the height above sea level that it counts from."""
 
-    def resume(self, keys: Iterable[tuple[int, int]], states: ToldStates) -> None:
+    def resume(self, keys: Iterable[tuple[int, int]], states: GroundStates) -> None:
         """Continue with the pulses and states that a database has."""
         self.keys.update(keys)
         self._states = states

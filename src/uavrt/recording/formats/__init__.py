@@ -1,4 +1,1 @@
-"""Logs of other systems and of the original's tools, one module per format.
-
-`read_pulses` and `read_pulse_log` recognise them all.
-"""
+"""Logs of other systems and of the original's tools; `read_pulse_log` recognises them all."""

@@ -33,7 +33,7 @@ from uavrt.recording.formats.whole_file import write_whole
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
-"""Names in the heading of bearings that were noted by hand."""
+"""Column names of bearings noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +54,9 @@ class BearingRow:
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
-    """Read a bearings.csv, or bearings noted by hand; empty and ``#`` lines are passed over.
+    """Read a bearings.csv, or bearings noted by hand; raises `FormatError` if damaged.
 
-    Raises `FormatError`: the file cannot be read, or a line is not a bearing.
+    Empty and ``#`` lines are skipped.
     """
     rows = []
     names: list[str] = []
@@ -95,7 +95,7 @@ def _row(cells: list[str]) -> BearingRow:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """Whether a heading is one of bearings that were noted by hand."""
+    """Whether a heading is one of bearings noted by hand."""
     return set(heading) >= _NOTED
 
 
@@ -135,11 +135,10 @@ def _sigma_deg(cell: str) -> float | None:
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
     """Write a bearings.csv, whole or not at all.
 
-    Lines that are there already stay, except those of a tag and a parent file that are written
-    again: all its rotations are replaced together.
+    It replaces all lines of the tags and parent files written and keeps the others.
 
-    Raises `FormatError`: what is there already is no bearings.csv, or a name holds a comma.
-    Raises `RecordingError`: it cannot be written.
+    Raises `FormatError` if the existing file is no bearings.csv, or a name holds a comma;
+    `RecordingError` if it cannot be written.
     """
     new = list(rows)
     for row in new:
@@ -155,7 +154,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
 
 
 def bearing_line(row: BearingRow) -> str:
-    """Write one line, with its newline; what is not known is ``NaN``."""
+    """Write one line, with its newline; unknown values are ``NaN``."""
     cells = [
         *(str(row.tag_id), row.parent_file, f"{row.bearing_deg:.6f}"),
         _number(row.confidence, 6),

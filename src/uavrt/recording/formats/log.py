@@ -1,4 +1,4 @@
-"""What a reader of pulse logs hands out, whichever format it read."""
+"""A pulse log as its reader returns it, whichever format it read."""
 
 import math
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ LogKind = Literal[
 ]
 
 WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
-"""Taken with an upright whip unless an antenna is named: no bearings follow from them."""
+"""Logs without headings: read with a whip unless an antenna is named, and without bearings."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
-"""Have no list of tags: a number in one of them is another tag's in the next."""
+"""Logs without a list of tags: the same number can be another tag in another log."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +33,7 @@ class RotationMark:
     longitude_deg: float
     altitude_amsl_m: float
     before_pulse: int
-    """Place among the log's pulses: this many came before the mark."""
+    """Number of the log's pulses before the mark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +44,9 @@ class PulseLog:
     pulse_poses: tuple[PulsePose, ...]
     marks: tuple[RotationMark, ...] = ()
     warnings: tuple[str, ...] = ()
-    """What somebody who works with these pulses must know; sentences."""
+    """Sentences on limits that users of these pulses must know."""
     passed_over: int = 0
-    """Rows that report no pulse: rotation slices with nothing found."""
+    """Rows without a pulse: rotation slices with nothing found."""
 
 
 def heard_pulse(
@@ -59,7 +59,7 @@ def heard_pulse(
     noise_db: float = math.nan,
     confirmed: bool = False,
 ) -> Pulse:
-    """Make a pulse of a log that knows no groups of pulses; `noise_db` is its noise density."""
+    """Make a pulse of a log without groups of pulses; `noise_db` is its noise density."""
     return Pulse(
         tag_id=tag_id,
         frequency_hz=frequency_hz,

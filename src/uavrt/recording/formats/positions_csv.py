@@ -32,10 +32,7 @@ class PositionRow:
 
 
 def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
-    """Read a positions.csv.
-
-    Raises `FormatError`: it cannot be read, or a line is not of that kind.
-    """
+    """Read a positions.csv; raises `FormatError` if it cannot be read."""
     found = []
     for number, line in enumerate(read_lines(path), start=1):
         cells = cells_of(line)
@@ -62,11 +59,10 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
 
 
 def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow]) -> None:
-    """Write a positions.csv, whole or not at all; a line with the same tag and file is
-    replaced.
+    """Write a positions.csv, whole or not at all; the same tag and file are replaced.
 
-    Raises `FormatError`: what is there already is no positions.csv.
-    Raises `RecordingError`: it cannot be written.
+    Raises `FormatError` if the existing file is no positions.csv; `RecordingError` if it cannot
+    be written.
     """
     kept: dict[tuple[int, str], PositionRow] = {}
     if os.path.exists(path):

@@ -28,15 +28,12 @@ from uavrt.units import ns_from_s
 NAMES = ("device", "time", "frequency", "duration", "max", "avg", "std", "noise", "snr")
 _OTHER_NAMES = {"ts": "time", "timestamp": "time", "freq": "frequency"}
 SAME_TAG_HZ = 2_000.0
-"""Two of its FFT bins: 300 kHz over 256 is 1.2 kHz."""
+"""Largest difference of one tag's frequencies [Hz]: two FFT bins of 300 kHz over 256."""
 _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 
 
 def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a signal CSV.
-
-    Raises `FormatError`: it cannot be read, or a row is no signal; its line is named.
-    """
+    """Read a signal CSV; raises `FormatError` if unreadable, with the line of a wrong row."""
     heard = parsed_rows(
         path,
         NAMES,

@@ -1,8 +1,8 @@
-"""Read a pulse log whoever wrote it: the content tells which format it is.
+"""Read a pulse log of any system; the content shows the format.
 
-Three layouts share 20 columns, headings are missing or wrong, and files are renamed when they
-are passed on, so neither the name nor an option decides. TagTracker's variants with 20 columns
-are told apart by what fits every row: a quaternion of length 1 in every row is no accident.
+Three layouts share 20 columns, headings are missing or wrong, and files get renamed, so neither
+name nor option decides. TagTracker's variants with 20 columns are distinguished by what fits
+every row: a quaternion of length 1 in all rows is no accident.
 """
 
 import json
@@ -56,17 +56,14 @@ _REMEDY = (
 
 
 def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
-    """Read the pulses of a flight directory or of a log in any format we know.
-
-    Raises `FormatError`: it is none of them, or a line is damaged.
-    """
+    """Read the pulses of a flight directory or a log; raises as `read_pulse_log`."""
     return read_pulse_log(path).pulse_poses
 
 
 def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a flight directory or a log in any format we know, with what to beware of.
+    """Read a flight directory or a log in any known format, with its warnings.
 
-    Raises `FormatError`: it is none of them, or a line is damaged.
+    Raises `FormatError` if the format is unknown or a line is damaged.
     """
     place = Path(path)
     if place.name == "flight.sqlite":
@@ -85,19 +82,16 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
         case "detections":
             return read_detections(place)
         case "pulse_pose_log":
-            told = [*_original(place)]
-            found = read_pulse_pose_log(place, told.append)
-            return PulseLog(kind=kind, pulse_poses=found, warnings=tuple(told))
-    told = []
-    found = read_pulse_file(place, told.append)
-    return PulseLog(kind=kind, pulse_poses=found, warnings=tuple(told))
+            warnings = [*_original(place)]
+            found = read_pulse_pose_log(place, warnings.append)
+            return PulseLog(kind=kind, pulse_poses=found, warnings=tuple(warnings))
+    warnings = []
+    found = read_pulse_file(place, warnings.append)
+    return PulseLog(kind=kind, pulse_poses=found, warnings=tuple(warnings))
 
 
 def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """The flights and logs that a path names: itself, or those in a folder, at any depth.
-
-    Raises `FormatError`: it is a folder with none.
-    """
+    """Find the flights and logs at a path, at any depth; raises `FormatError` without any."""
     place = Path(path)
     if not place.is_dir() or _holds_a_log(place):
         return (place,)
@@ -108,7 +102,7 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
 
 
 def _none_in(directory: Path) -> FormatError:
-    """Samples alone are a step away from pulses."""
+    """Error for a folder without pulses, which names recordings of samples in it."""
     samples = next(iter(sorted(directory.glob("*.sigmf-meta"))), None)
     tags = next((one for one in (directory / "tags.toml",) if one.is_file()), "TAGS")
     return FormatError(
@@ -131,9 +125,9 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """Whether a file of a folder is a pulse log: recognised, and not merely empty.
+    """Whether a file of a folder is a pulse log that was received.
 
-    What a simulation truly sent stands beside its recording and was heard by nobody.
+    This excludes empty files, and the list of transmitted pulses that a simulation writes.
     """
     if path.name == "truth.csv":
         return False
@@ -149,10 +143,7 @@ def _holds_a_log(directory: Path) -> bool:
 
 
 def recognised(path: str | os.PathLike[str]) -> LogKind:
-    """Find the format of a file by its first line.
-
-    Raises `FormatError`: it cannot be read, or is none we know.
-    """
+    """Find a file's format by its first line; raises `FormatError` if it is unknown."""
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")
     cells = cells_of(first)
@@ -188,7 +179,7 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
 
 
 def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
-    """Whether it is the tag list that stands beside flights and recordings."""
+    """Whether it is the tag list of a folder of flights and recordings."""
     heading = [cell.lower() for cell in cells[:2]]
     return Path(path).name.lower() == "taginfo.txt" or (
         heading[0].strip("# ") == "id" and heading[1:] == ["freq_hz"]

@@ -1,13 +1,13 @@
 """Files of automated telemetry: pulses as a SensorGnome writes them, and find_tags' detections.
 
-A pulse file has a line for each thing, told by its first cell::
+A pulse file has a line for each record, its kind in the first cell::
 
     p1,1366227448.192,4.056,-44.4,-50.55      port; time, kHz from the tuned frequency, dB, dB
     S,1366227421.0,1,-m,166.376,0,            port, parameter, value: -m or frequency is MHz
     G,1366227448.0,44.3405,-66.1185,21.7      time, latitude, longitude, altitude
 
 Other lines are passed over. Detections have a heading with ``ts``, ``id`` and ``sig``; ``freq``
-is in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` tells in MHz.
+is in kilohertz from the tag's nominal frequency, which ``tagFreq`` or ``nomFreq`` gives in MHz.
 
 Neither knows a heading, so the poses have none, and bearings cannot follow from them.
 """
@@ -38,15 +38,14 @@ from uavrt.recording.formats.ucsd import tag_numbers
 from uavrt.units import hz_from_mhz, ns_from_s
 
 SAME_TAG_HZ = 2_000.0
-"""Pulses nearer than this in frequency get one number, where no code tells whose they are."""
+"""Largest difference of one tag's frequencies, where no code identifies it [Hz]."""
 DETECTION_NAMES = {"ts", "id", "sig"}
 _PORT = re.compile(r"p[A-Za-z]?(\d+)")
 _PULSE_NS = ns_from_s(0.0025)
 _TUNED = ("-m", "frequency", "freq")
 _NOMINAL = ("tagfreq", "nomfreq", "mfgfreq")
 _LONGEST_NS = ns_from_s(60.0)
-"""A place is no older than this: a SensorGnome notes it every five minutes, a moving one more
-often; a drone has gone on."""
+"""Age above which a place is not used [ns]; a SensorGnome notes one every five minutes."""
 _REMEDY = "A pulse line is p1,time,kHz,signal,noise; a detection has ts, id, sig"
 NO_HEADINGS = (
     "This log has no headings: positions follow from strength alone, as with a monopole. "
@@ -81,10 +80,10 @@ def is_detections(cells: Sequence[str]) -> bool:
 
 
 def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse file; damaged lines among good ones are passed over and counted.
+    """Read a pulse file; damaged lines are skipped and counted.
 
-    Raises `FormatError`: it cannot be read, no line before its pulses tells the tuned
-    frequency, or more lines are damaged than good.
+    Raises `FormatError` if it is unreadable, no line sets the tuned frequency, or most lines
+    are damaged.
     """
     tuned_hz: dict[str, float] = {}
     pulses: list[Pulse] = []
@@ -195,9 +194,9 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections: a burst in each row, of the tag that its ``id`` says.
+    """Read detections, one burst a row, with the tag by its ``id``.
 
-    Raises `FormatError`: it cannot be read, or a row is no detection; its line is named.
+    Raises `FormatError` if it is unreadable, with the line of a wrong row.
     """
     names: list[str] | None = None
     found: list[PulsePose] = []

@@ -18,7 +18,7 @@ columns  noise  attitude    offset  written by
 20       yes    Euler       yes     2024–26; what we write
 =======  =====  ==========  ======  ==========================================
 
-They are told apart by what fits *every* row, not by their count: a quaternion has length 1,
+They are distinguished by what fits *every* row, not by their count: a quaternion has length 1,
 states are small whole numbers. What follows the attitude is the offset, or nothing; programs
 that write tables pad short rows with empty cells, zeros or ``NaN``, as in the original's own
 ``rotation_example.csv`` with its 21 columns.
@@ -67,7 +67,7 @@ HEADER = (
 )
 PLACEHOLDER_DB = -9999.0
 STATUSES: tuple[DetectionStatus, ...] = get_args(DetectionStatus)
-"""By the number that stands for them; 3, integrated, is ours."""
+"""Statuses by their number; 3, integrated, is ours."""
 """Written where there is no SNR."""
 _NORM_TOLERANCE = 2e-3
 """Six decimals keep a quaternion's length to 1e-6; the original computed it in single."""
@@ -136,10 +136,7 @@ _LAYOUTS = [
 
 
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse CSV of TagTracker.
-
-    Raises `FormatError`: it cannot be read, or a row is none of those above; its line is named.
-    """
+    """Read a pulse CSV of TagTracker; raises `FormatError`, with the line of a wrong row."""
     lines = with_commas(read_lines(path))
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]
     rows = [(number, cells) for number, cells in rows if cells and not is_heading(cells)]
@@ -197,7 +194,7 @@ def _line(pulse: Pulse, pose: Pose) -> str:
             *(str(pulse.group_sequence), str(pulse.group_index), _six(pulse.group_snr_db)),
             f"{_zero_for_nan(pulse.noise_psd):.7g}",
             *(str(status), str(int(pulse.confirmed))),
-            # The original writes 6 decimals, 0.11 m; two more cost nobody anything.
+            # The original writes 6 decimals, 0.11 m; two more do no harm.
             *(f"{value:.8f}" for value in (pose.latitude_deg, pose.longitude_deg)),
             _six(_zero_for_nan(pose.altitude_relative_m)),
             *(_six(angle) for angle in (roll, pitch, yaw, 0.0)),
@@ -206,7 +203,7 @@ def _line(pulse: Pulse, pose: Pose) -> str:
 
 
 def _zero_for_nan(value: float) -> float:
-    """What the original writes for a frequency, noise or height that it does not know."""
+    """Replace NaN by the original's value for an unknown frequency, noise or height."""
     return 0.0 if math.isnan(value) else value
 
 
@@ -235,7 +232,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Layout | None:
-    """Layout that fits each of the rows 7 of a file."""
+    """Find the layout that fits each row 7 of a file."""
     if not rows:
         return None
     whole_rows = rows if len(rows) == 1 else rows[:-1]  # the last may be cut off

@@ -16,18 +16,17 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""The year 2116; also well inside SQLite's integers."""
+"""Latest time accepted, in 2116 [ns]; well inside SQLite's integers."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
 """A number that fills its cell, with a comma for its point."""
 _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """All lines of a text file, without their ends; a byte order mark and NULs are dropped.
+    """Read the lines of a text file without their ends, byte order mark and NULs.
 
-    What is packed with gzip is unpacked, as SensorGnomes pack theirs.
-
-    Raises `FormatError`: it cannot be read, or is no text log but hundreds of megabytes.
+    Files packed with gzip, as of SensorGnomes, are unpacked. Raises `FormatError` if it is
+    unreadable, no text, or hundreds of megabytes.
     """
     name = os.fspath(path)
     try:
@@ -57,7 +56,7 @@ def _line_count(content: bytes) -> int:
 def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
-    """Make the error for one line; what the fault itself knows goes before `remedy`."""
+    """Make the error for one line; the fault's own remedy goes before `remedy`."""
     reason, known = words_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
@@ -92,9 +91,8 @@ def parsed_rows(
 
     A last row that cannot be parsed was cut off while it was written, and is left out.
 
-    `cells`: parts a line.
-    `names`: columns of a heading.
-    Raises `FormatError`: the file cannot be read, or a row cannot be parsed; its line is named.
+    `cells`: splits a line. `names`: columns of a heading. Raises `FormatError` if the file is
+    unreadable, with the line of a wrong row.
     """
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
@@ -117,7 +115,7 @@ def parsed_rows(
 
 
 def separator_of(lines: Sequence[str]) -> str:
-    """What parts the cells of a text file: a comma, or a spreadsheet's semicolon or tab."""
+    """Separator of a text file's cells: a comma, or a spreadsheet's semicolon or tab."""
     some = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
     first = some[0] if some else ""
     commas = first.count(",")
@@ -127,7 +125,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Lines as if a comma parted their cells, and a point their decimals.
+    """Rewrite lines with commas between cells, and points in decimals.
 
     Spreadsheets of many countries write semicolons or tabs, and a comma in numbers.
     """
@@ -191,10 +189,7 @@ def seconds_ns(cell: str) -> int:
 
 
 def any_time_ns(cell: str) -> int:
-    """Read a time as ISO 8601, or as seconds, milliseconds, micro- or nanoseconds since 1970.
-
-    Raises `ValueError`: it is none.
-    """
+    """Read a time as ISO 8601, or as s, ms, µs or ns since 1970; raises `ValueError`."""
     try:
         value = finite(cell)
     except ValueError:

@@ -27,7 +27,7 @@ PING_COLUMNS = (
 )
 ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
 SAME_TARGET_HZ = 500.0
-"""Pings nearer than this in frequency are of one target: crystals drift by less."""
+"""Largest difference of one target's frequencies [Hz]; crystals drift by less."""
 _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
 
 
@@ -42,10 +42,7 @@ class TargetEstimate:
 
 
 def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a ping CSV.
-
-    Raises `FormatError`: it cannot be read, or a row is no ping; its line is named.
-    """
+    """Read a ping CSV; raises `FormatError`, with the line of a wrong row."""
     pings = parsed_rows(path, PING_COLUMNS, _ping, _REMEDY)
     tags = tag_numbers([frequency for frequency, _, _, _ in pings])
     found = tuple(
@@ -60,10 +57,7 @@ def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, ...]:
-    """Read an estimate CSV.
-
-    Raises `FormatError`: it cannot be read, or a row is no estimate; its line is named.
-    """
+    """Read an estimate CSV; raises `FormatError`, with the line of a wrong row."""
     return tuple(parsed_rows(path, ESTIMATE_COLUMNS, _estimate, _REMEDY))
 
 
@@ -87,7 +81,7 @@ def _ping(cells: Sequence[str]) -> tuple[float, int, float, Pose]:
         longitude_deg=lon,
         altitude_amsl_m=number_or_nan(cells[6]),
         altitude_relative_m=math.nan,
-        # A whip has no heading: where none is told, none is needed.
+        # A whip needs no heading.
         quaternion_wxyz=from_euler_deg(_zero_if_empty(cells[7]), 0.0, 0.0),
     )
     return finite(cells[2]), time_ns, number_or_nan(cells[3]), pose

@@ -1,4 +1,4 @@
-"""Replace a file that a user asked for as a whole, and name what prevents it."""
+"""Replace a file as a whole, with an error that names what prevents it."""
 
 import os
 from pathlib import Path
@@ -8,9 +8,9 @@ from uavrt.errors import RecordingError
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Make the folder, write beside the file, then rename over it.
+    """Make the folder, write a temporary file there, then rename it.
 
-    Raises `RecordingError`: the disk is full, read-only or forbidden; the old file is
+    Raises `RecordingError` if the disk is full, read-only or forbidden; the old file is
     untouched.
     """
     try:

@@ -10,16 +10,16 @@ T = TypeVar("T")
 
 
 async def in_background(work: Callable[[], T]) -> T:
-    """Get what `work` returns or raises.
+    """Run `work` in a daemon thread; return or raise its result.
 
-    In a daemon thread: unlike one of `asyncio.to_thread`, it does not keep the program from
-    ending when a flash drive or a network disk does not answer.
+    Unlike a thread of `asyncio.to_thread`, it lets the program end when a drive does not
+    answer.
     """
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()
 
     def settle(result: T | None, error: Exception | None) -> None:
-        if future.done():  # cancelled: nobody waits any more
+        if future.done():  # cancelled
             return
         if error is not None:
             future.set_exception(error)

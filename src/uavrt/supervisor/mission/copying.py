@@ -16,19 +16,16 @@ Wanted = Callable[[], bool]
 
 CHUNK_BYTES = 1 << 20
 SYNC_BYTES = 8 * CHUNK_BYTES
-"""No more than this waits to be written to the drive: a process that ends while the kernel
-writes is kept until it has done so, and a slow flash drive takes 5 MB a second."""
+"""Most bytes waiting to be written to the drive; a slow flash drive takes 5 MB a second. A
+process that ends while the kernel writes is kept until that is done."""
 
 
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
-    """Copy flights; what is there already with the same size is left.
+    """Copy flights; files already there with the same size are kept.
 
-    `flights`: their directories.
-    `target`: directory on the drive.
-    `step`: gets how many are done, of how many, and what comes now.
-    `wanted`: asked again and again; the work is broken off when it says no.
-    Raises `OSError`: the drive cannot be written.
-    Raises `RecordingError`: it is not wanted any more; what was copied whole stays there.
+    `target`: directory on the drive. `step`: gets the number done, the total, and the present
+    file. `wanted`: checked often; False stops the work. Raises `OSError` if the drive cannot be
+    written, `RecordingError` if stopped; complete copies stay.
     """
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)
@@ -44,9 +41,7 @@ def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) 
 
 
 def remove_flights(flights: list[Path], step: Step, wanted: Wanted) -> None:
-    """Remove flights, each whole; raises `OSError`, and `RecordingError` between
-    two of them when it is not wanted any more.
-    """
+    """Remove flights, each as a whole; raises `OSError`, or `RecordingError` if stopped."""
     for done, flight in enumerate(flights):
         _check(wanted)
         step(done, len(flights), flight.name)
@@ -68,7 +63,7 @@ def _is_there(source: Path, place: Path) -> bool:
 
 
 def _copy(source: Path, place: Path, wanted: Wanted) -> None:
-    """Copy a file under another name first: a drive pulled out leaves no half file."""
+    """Copy a file under a temporary name, so that a drive pulled out leaves no half file."""
     part = place.with_name(place.name + ".part")
     try:
         _copy_content(source, part, wanted)

@@ -1,7 +1,7 @@
-"""The disk guard: warns when space runs out, and frees space if configured to.
+"""The disk guard: warns when space runs out, frees space if configured, reports card faults.
 
-It also tells what is wrong with the card. A full disk never stops detection: the recorder keeps
-what it cannot write and tries again, the processes' output is dropped and counted.
+A full disk never stops detection: the recorder keeps what it cannot write and tries again, the
+processes' output is dropped and counted.
 """
 
 import os
@@ -18,9 +18,8 @@ log = get_logger()
 
 
 class DiskGuard:
-    """Watches the free space where flights are kept.
+    """Monitors the free space where flights are kept.
 
-    `directory`: where flight directories are made.
     `settings`: the limit, and whether old flights may be removed.
     """
 
@@ -31,16 +30,16 @@ class DiskGuard:
         self._kept = settings.keep_newest_flights
         self._to_note: Path | None = None
         self._note_failed = False
-        """And that was told in this flight."""
+        """Whether a failed note was reported in this flight."""
         self._flight: Path | None = None
         self._warned = False
         self._card_faults = 0
-        """Kinds of faults that were told in this flight."""
+        """Kinds of card faults reported in this flight."""
         self.free_mb: float | None = None
-        """Free space [MB]; None before the first look and where it cannot be measured."""
+        """Free space [MB]; None before the first check or if it cannot be measured."""
 
     def flying(self, flight: Path | None) -> None:
-        """Report which flight is being written; it is never removed."""
+        """Set the flight being written, which is never removed."""
         self._flight = flight
         self._to_note = flight or self._to_note
         if flight is not None:
@@ -70,7 +69,7 @@ class DiskGuard:
         return texts + self._look_at_card()
 
     def _note(self) -> None:
-        """Note that the flight has begun, unless it is; without room, the next time."""
+        """Note once that the flight has begun; without room, at the next check."""
         if self._to_note is None:
             return
         try:
@@ -83,7 +82,7 @@ class DiskGuard:
             self._to_note = None
 
     def _look_at_card(self) -> list[tuple[int, str]]:
-        """Get a text when the card has another kind of fault than before in this flight."""
+        """Get a text on a kind of card fault that is new in this flight."""
         card = card_of(self._directory)
         faults = card.faults() if card is not None else []
         known, self._card_faults = self._card_faults, len(faults)
@@ -114,7 +113,7 @@ class DiskGuard:
         return None
 
     def _may_go(self) -> list[Path]:
-        """Flights that may be removed, oldest first; not the newest, starred, present ones.
+        """Removable flights, oldest first, without the newest, starred and present ones.
 
         A flight and its copies count as one; the copies go first, which hold less.
         """

@@ -13,24 +13,21 @@ from uavrt.errors import RecordingError
 from uavrt.messages import FlightInfo, Tag
 
 _AT_EASE = 16
-"""Tags that one worker has beside others with none and nobody is the poorer: some 2 % of a
-core."""
+"""Tags that one worker may have while others have none: some 2 % of a core."""
 
 
 def share_tags(
     tags: Sequence[Tag], workers: int, *, window_hz: float, receiver: Receiver | None = None
 ) -> tuple[tuple[Tag, ...], ...]:
-    """Deal the tags out to workers.
+    """Distribute the tags over workers.
 
-    Tags whose bands overlap hear the same pulses, and must be judged together: they go to one
-    worker, each time to the one with the fewest tags. So do those at whose place the receiver
-    may show a ghost of each other, the mirror before multiples, as long as no worker has more
-    than its part of the tags, or 16.
+    Tags whose bands overlap have the same pulses and must be judged together, so they go to one
+    worker, each group to the one with the fewest tags. So do tags that the receiver may show as
+    ghosts of each other, mirrors before multiples, while no worker has more than its share, or
+    16.
 
-    `workers`: at most.
-    `window_hz`: half-width of the search around each tag.
-    `receiver`: what makes the ghosts.
-    Returns: at least one, which may be empty when there are no tags; else none is.
+    `window_hz`: half-width of the search around each tag. `receiver`: what makes the ghosts.
+    Returns at least one list, empty only without tags.
     """
     together = tags_by_band(tags, window_hz)
     if receiver is not None and workers > 1:
@@ -45,7 +42,7 @@ def share_tags(
 def _with_ghosts(
     together: list[list[Tag]], receiver: Receiver, window_hz: float, most: int
 ) -> list[list[Tag]]:
-    """Group those, too, that may show as ghosts of each other, up to so many tags."""
+    """Join groups that may show as ghosts of each other, up to a number of tags."""
     group_of = {tag.tag_id: group for group in together for tag in group}
     multiples = (
         (receiver.multiple(ghost.frequency_hz, tag.frequency_hz, window_hz), tag, ghost)
@@ -73,7 +70,7 @@ def new_flight(
 ) -> FlightInfo:
     """Make the flight's directory; with `capture_s` it is a raw capture.
 
-    Raises `RecordingError`: the directory cannot be made.
+    Raises `RecordingError` if the directory cannot be made.
     """
     start_ns = clock.now_ns()
     return FlightInfo(
@@ -88,7 +85,7 @@ def new_flight(
 
 
 def last_written_ns(directory: Path) -> int | None:
-    """Get when a flight was written to last [ns, wall clock], None without one."""
+    """Time of the last change of a flight [ns, wall clock]; None without one."""
     times = [path.stat().st_mtime_ns for path in directory.glob("*") if path.is_file()]
     return max(times, default=None)
 

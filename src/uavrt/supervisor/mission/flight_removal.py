@@ -1,7 +1,7 @@
-"""Which flights a ground station may remove, with confirmation. Pure except for disk reads.
+"""Flights that a ground station may remove, in two steps. Pure except for disk reads.
 
-Two steps: the first command says what would go, the second, later than any repetition of the
-first, lets it go. The newest flight and those that are starred stay.
+The first command lists them, the second, later than any repetition of the first, removes them.
+The newest flight and starred ones stay.
 """
 
 import itertools
@@ -13,14 +13,13 @@ from uavrt.recording.flight_order import with_copies
 from uavrt.recording.layout import FlightLayout
 
 REPEATED_S = 10.0
-"""A ground station repeats what is not acknowledged four times in 8 s: within this after the
-last one it is the same wish."""
+"""Time in which a repetition is the same request [s]: stations repeat four times in 8 s."""
 FORGOTTEN_S = 120.0
-"""Later than this the second step is a first one."""
+"""Time after which a second step counts as a first one [s]."""
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Get those of the flights, the oldest first, that may go: not the newest, not starred.
+    """List the flights that may go, the oldest first: not the newest, not starred.
 
     The newest stays with its copies.
     """
@@ -36,7 +35,7 @@ class SecondStep:
         self._asked: tuple[str, float] | None = None
 
     def is_meant(self, source: str) -> bool:
-        """Handle a wish; True when it is the second step of the one who took the first."""
+        """Handle a request; True when it is the second step by the sender of the first."""
         now_s = self._clock_s()
         asked, self._asked = self._asked, (source, now_s)
         if asked is None or asked[0] != source:

@@ -1,7 +1,7 @@
-"""Parameters set by an operator: a file beside the flights that survives every restart.
+"""Parameters set by an operator: a file in the flights' folder that survives every restart.
 
-Each is stored with the value that the settings file had at the time. If that has changed since,
-the settings file wins and the stored value is dropped.
+Each is stored with the value of the settings file at the time. If that has changed since, the
+settings file wins and the stored value is dropped.
 """
 
 from pathlib import Path
@@ -30,8 +30,7 @@ class KeptValue(msgspec.Struct, frozen=True):
 class KeptParameters:
     """The file and its contents.
 
-    `directory`: where flight directories are made.
-    `settings`: as the settings file says.
+    `directory`: where flight directories are made. `settings`: of the settings file.
     """
 
     def __init__(self, directory: Path, settings: Settings) -> None:
@@ -44,7 +43,7 @@ class KeptParameters:
         }
 
     def applied_to(self, settings: Settings) -> Settings:
-        """Get the settings with what is kept; what they cannot have any more is left out."""
+        """Apply the kept values to settings; values that are no longer valid are left out."""
         for name, kept in self._kept.items():
             try:
                 settings = with_parameter(settings, name, kept.value)
@@ -53,7 +52,7 @@ class KeptParameters:
         return settings
 
     def keep(self, name: str, value: float) -> None:
-        """Keep a value that is in force now; a disk that cannot be written costs only that."""
+        """Store a value in force; a disk fault loses only that."""
         if self._file[name] == value:
             self._kept.pop(name, None)
         else:

@@ -1,8 +1,7 @@
-"""Check whether all pulses of the flight have their poses, so that it can be closed at once.
+"""Checks whether all pulses of the flight have their poses, so that it can be closed.
 
-A pulse passes the supervisor when a detector has found it, and again with its pose, so the
-difference is what is still on its way. What passes before the end of the flight is recorded
-with it.
+A pulse passes the supervisor from its detector, and again with its pose; the difference is on
+its way.
 """
 
 import asyncio
@@ -20,11 +19,11 @@ class LastPulses:
 
     @property
     def waiting(self) -> int:
-        """Pulses that wait for their poses; also those that a killed process has lost."""
+        """Number of pulses without their pose, also those lost with a killed process."""
         return self._waiting
 
     def flight_started(self) -> None:
-        """Forget what an earlier flight has lost; a straggler of it is then not counted."""
+        """Reset for a new flight; late pulses of the last are not counted."""
         self._waiting = 0
         self._posed.set()
 
@@ -39,7 +38,7 @@ class LastPulses:
                 self._posed.set()
 
     async def posed_within(self, limit_s: float) -> bool:
-        """Wait until none waits; False when one still does after `limit_s`."""
+        """Wait until all pulses have poses; False if not after `limit_s`."""
         try:
             async with asyncio.timeout(limit_s):
                 await self._posed.wait()

@@ -26,11 +26,11 @@ log = get_logger()
 
 MOUNTS = Path("/proc/self/mounts")
 REMOVABLE = ("/media/", "/run/media/")
-"""Where desktops and udiskie mount what is plugged in (udisks2)."""
+"""Directories where desktops and udiskie mount drives (udisks2)."""
 
 END_S = 1.5
-"""So long the end of the system waits for what goes on: a megabyte and what is being written
-to the drive, 8 MB at most. The whole stop may take 3 s."""
+"""Longest wait for a job when the system ends [s]. It writes 8 MB at most before it ends, and
+the whole stop may take 3 s."""
 
 _ESCAPED = re.compile(r"\\([0-7]{3})")
 
@@ -38,20 +38,18 @@ _ESCAPED = re.compile(r"\\([0-7]{3})")
 class Operations:
     """Runs one operation at a time.
 
-    `settings`: where flights are, and where they are copied to.
-    `publish`: gets each step.
-    `tell`: sends a text (severity, text) to the operator.
+    `publish`: gets each step. `notify`: sends a text (severity, text) to the operator.
     """
 
     def __init__(
         self,
         settings: RecordingSettings,
         publish: Callable[[Operation], None],
-        tell: Callable[[int, str], None],
+        notify: Callable[[int, str], None],
         clock_s: Callable[[], float] = monotonic_s,
     ) -> None:
         self._settings = settings
-        self._publish, self._tell = publish, tell
+        self._publish, self._notify = publish, notify
         self._task: asyncio.Task[None] | None = None
         self._ending = threading.Event()
         self._second_step = SecondStep(clock_s)
@@ -61,7 +59,7 @@ class Operations:
         return not self._ending.is_set()
 
     async def end(self) -> None:
-        """Break off what goes on, because the system ends; a drive that hangs is left."""
+        """Stop the job because the system ends; a drive that hangs is abandoned."""
         self._ending.set()
         if self._task is not None:
             await asyncio.wait([self._task], timeout=END_S)
@@ -72,12 +70,10 @@ class Operations:
             raise UavrtError(f"busy: {words(self.running.name)} in progress")
 
     def begin(self, name: CommandName, source: str = "") -> str:
-        """Begin to save or clean; return what to answer.
+        """Begin to save or clean; return the answer.
 
-        `name`: which.
-        `source`: who asks: to clean needs two steps of the same one.
-        Raises `UavrtError`: another one goes on, there is nowhere to save to, or it was the
-        first step only.
+        `source`: the sender: to clean needs two steps of the same one. Raises `UavrtError` if
+        another job runs, no drive is there, or it was the first step.
         """
         self.check_free()
         root = Path(self._settings.directory)
@@ -104,7 +100,7 @@ class Operations:
             work = lambda step: remove_flights(flights, step, self._wanted)  # noqa: E731
             answer = f"{len(flights)} flights; {stay}"
         self._show(Operation(name=name, state="running", step_count=len(flights)))
-        self._tell(6, start)
+        self._notify(6, start)
         self._task = asyncio.get_running_loop().create_task(self._run(work, end))
         return answer
 
@@ -119,10 +115,10 @@ class Operations:
         except (OSError, UavrtError) as error:
             reason = error.message if isinstance(error, UavrtError) else str(error)
             self._finish("failed", reason)
-            self._tell(3, reason)
+            self._notify(3, reason)
         else:
             self._finish("complete", end.lstrip("#"))
-            self._tell(6, end)
+            self._notify(6, end)
 
     def _step(self, done: int, whole: int, text: str) -> None:
         if self.running is not None:
@@ -140,14 +136,14 @@ class Operations:
 
 
 def words(name: CommandName) -> str:
-    """Write a command for people."""
+    """Name a command for people."""
     return name.replace("_", " ")
 
 
 def save_directory(settings: RecordingSettings) -> Path:
-    """Get where flights are copied to: as set, or the only drive that is plugged in.
+    """Directory to copy flights to: as set, or on the only drive that is plugged in.
 
-    Raises `RecordingError`: there is none, or several.
+    Raises `RecordingError` if there is none, or several.
     """
     if settings.save_directory is not None:
         path = Path(settings.save_directory)
@@ -167,7 +163,7 @@ def save_directory(settings: RecordingSettings) -> Path:
 
 
 def removable_drives(mounts: Iterable[str]) -> list[Path]:
-    """Get the mount points of drives that were plugged in (proc(5), which escapes spaces)."""
+    """Mount points of plugged-in drives (proc(5), which escapes spaces)."""
     points = [line.split(" ")[1] for line in mounts if line.count(" ") >= 3]
     names = (_ESCAPED.sub(lambda octal: chr(int(octal[1], 8)), point) for point in points)
     return [Path(name) for name in names if name.startswith(REMOVABLE)]

@@ -1,4 +1,4 @@
-"""What the operator asked for: state, tags, flight. It knows no processes."""
+"""The operator's commands and their state: tags and flight. It knows no processes."""
 
 import math
 import shutil
@@ -42,35 +42,32 @@ _MOST_NEAR = 3
 """Pairs of codes that are named at the beginning of a flight; the page names all."""
 
 LAST_TAGS_NAME = "last_tags.json"
-"""Beside the flights: a ground station that cannot send tags starts with these (`DET_RUN`)."""
+"""File of the last tags, for a ground station that cannot send tags (`DET_RUN`)."""
 REPLIES_KEPT = 64
 LAST_FLIGHTS = 3
-"""As many as the connection and the recorder look after besides the present one."""
+"""Number of ended flights that connection and recorder still serve."""
 RESUME_WITHIN_S = 900.0
-"""After a restart of the computer, detection goes on by itself only if the flight was written
-to so lately: a battery change or a brown-out in the air, but not last week's flight."""
+"""Age of a flight up to which detection resumes after a restart of the computer [s]. Covers a
+battery change or a brown-out in the air, but not last week's flight."""
 
-Tell = Callable[[int, str], None]
+Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningQuestion], Tuning]
 _MOST_TAGS = 1000
-"""That a list may have, if `detection.maximum_tags` names no number."""
+"""Most tags of a list, if `detection.maximum_tags` is not set."""
 _CARRIED = 0.4
-"""Half of the band that every radio's channels are made of, as a part of its rate."""
+"""Half of the usable band, as a share of the radio's rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Half-width of the search for which every channel has room."""
+"""Half-width of the search for which every channel has room [Hz]."""
 
 
 class Mission:
     """State, tags and flight; every change is saved before it is acknowledged.
 
-    `settings`: the drone side's settings.
-    `store`: where the state is kept over an unclean end.
-    `tell`: sends a text (severity, text) to the operator.
-    `on_start`, `on_stop`: called when a flight begins, and when its end was asked for.
-    `on_correction`: called when a tag of the flight has other values.
-    `on_settings`: called when an operator has changed a setting.
-    `tuner`: finds the radio's frequency for the tags'.
-    `operations`: saves and removes flights.
+    `store`: keeps the state over an unclean end. `notify`: sends a text (severity, text) to the
+    operator. `on_start`, `on_stop`: called when a flight begins, and when its end was
+    commanded. `on_correction`: called when a tag of the flight has other values. `on_settings`:
+    called when an operator has changed a setting. `tuner`: finds the radio's frequency for the
+    tags'. `operations`: saves and removes flights.
     """
 
     def __init__(
@@ -78,7 +75,7 @@ class Mission:
         settings: Settings,
         store: StateStore,
         *,
-        tell: Tell,
+        notify: Notify,
         on_start: Callable[[FlightInfo], None],
         on_stop: Callable[[], None],
         on_correction: Callable[[FlightInfo], None] = lambda _flight: None,
@@ -98,28 +95,28 @@ class Mission:
         self._ask_tuner = tuner
         self.tags: dict[int, Tag] = {}
         self._tags_sent = 0
-        """Tags of this upload as its sender counted them; 0 where it did not."""
+        """Number of tags in this upload by its sender; 0 if not sent."""
         self.flight: FlightInfo | None = None
         self.last_flights: deque[str] = deque(maxlen=LAST_FLIGHTS)
-        """Directories of flights that have ended, the newest last."""
+        """Directories of ended flights, the newest last."""
         self.ending = False
-        """The flight's last pulses are on their way; a new one cannot begin yet."""
+        """Whether the flight's last pulses are on their way; no new one can begin yet."""
         self._gain: int | None = None
         self._store = store
-        self._tell, self._on_start, self._on_stop = tell, on_start, on_stop
+        self._notify, self._on_start, self._on_stop = notify, on_start, on_stop
         self._on_settings, self._on_correction = on_settings, on_correction
         self._replies: dict[tuple[str, int], CommandReply] = {}
         self.refused = 0
-        """Commands that were refused."""
+        """Number of refused commands."""
         self.commander = Commander(pinned=settings.mavlink.first_commands)
 
     # ------------------------------------------------------------------ memory
 
     def resume(self) -> bool:
-        """Continue where a supervisor that did not stop in good order was; True if detecting.
+        """Continue after a supervisor that did not stop in good order; True if detecting.
 
         Within the same boot the flight goes on with its clock. After a restart of the computer
-        the clock is a new one, and so must the flight be; see `RESUME_WITHIN_S`.
+        the clock is a new one, and so is the flight; see `RESUME_WITHIN_S`.
         """
         saved = self._store.read()
         if saved is None:
@@ -158,29 +155,29 @@ class Mission:
             return
         self.flight, self.state = flight, SystemState.DETECTING
         self._on_start(flight)
-        self._tell(4, f"Supervisor restarted: detecting {len(self.tags)} tags again")
+        self._notify(4, f"Supervisor restarted: detecting {len(self.tags)} tags again")
 
     def _continue_capture(self, flight: FlightInfo, clock_offset_ns: int | None) -> None:
-        """Record the rest of a raw capture; without a clock offset name what there is."""
+        """Record the rest of a raw capture; without a clock offset report what was recorded."""
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
-            self._tell(4, f"Raw capture ended by a restart: kept in {flight.directory}")
+            self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return
         self.clock = Clock(clock_offset_ns)
         self.flight, self.state = flight, SystemState.CAPTURING
         self._on_start(flight)
-        self._tell(4, "Supervisor restarted: recording the rest of the capture")
+        self._notify(4, "Supervisor restarted: recording the rest of the capture")
 
     def _try_new_flight(self, center_frequency_hz: float) -> None:
         try:
             self.begin_flight(center_frequency_hz)
         except UavrtError as error:
-            self._tell(3, f"Supervisor restarted, but cannot detect: {error}")
+            self._notify(3, f"Supervisor restarted, but cannot detect: {error}")
             return
         self.state = SystemState.DETECTING
-        self._tell(4, f"Computer restarted: detecting {len(self.tags)} tags again")
+        self._notify(4, f"Computer restarted: detecting {len(self.tags)} tags again")
 
     def forget(self) -> None:
-        """Forget everything: the end is in good order."""
+        """Remove the saved state after an end in good order."""
         self._store.forget()
 
     def _save(self) -> None:
@@ -204,7 +201,7 @@ class Mission:
     # ---------------------------------------------------------------- commands
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out a command, or say why not; a repeated one gets the same reply."""
+        """Carry out a command, or explain the refusal; a repeated one gets the same reply."""
         key = (command.source, command.request_id)
         if key not in self._replies:
             self._replies[key] = reply = self._decide(command)
@@ -218,7 +215,7 @@ class Mission:
         return self._replies[key]
 
     def forget_replies(self) -> None:
-        """Take no command for a repeated one: a new process numbers its requests again."""
+        """Drop old replies, because a new process restarts its request numbers."""
         self._replies.clear()
 
     def _decide(self, command: Command) -> CommandReply:
@@ -227,7 +224,7 @@ class Mission:
         return self._decide_order(command)
 
     def _decide_run(self, command: Command) -> CommandReply:
-        """Start with the last tags, or stop: by the rules of those commands."""
+        """Start with the last tags, or stop, by the rules of those commands."""
         try:
             start = run_wanted(math.nan if command.value is None else command.value)
         except UavrtError as error:
@@ -254,7 +251,7 @@ class Mission:
                 reason = f"detecting {searched_text(self.tags.values())}: send stop first"
             return _reply(command, False, reason)
         if isinstance(result, Repeated):
-            # A repeated start or capture gets the same answer as the first: the directory.
+            # A repeated start or capture gets the first answer, the directory.
             known = self.flight if command.name in ("start_detection", "raw_capture") else None
             return _reply(command, True, known.directory if known else result.message)
         try:
@@ -274,7 +271,7 @@ class Mission:
         return _reply(command, True, message)
 
     def _refusal(self, command: Command) -> str | None:
-        """Explain why a command does not count for whose it is; the same for every wire."""
+        """Explain why a command of this sender is refused; the same for every wire."""
         mavlink = self.settings.mavlink
         locked = mavlink.key_file is not None and mavlink.key_required
         if locked and not command.sealed and command.source == "ros2":
@@ -324,7 +321,7 @@ class Mission:
         return ""
 
     def _check_codes(self) -> None:
-        """Refuse codes that cannot be told apart."""
+        """Refuse codes that cannot be distinguished."""
         for one, two in same_codes(tuple(self.tags.values())):
             raise UavrtError(f"tags {one.tag_id} and {two.tag_id} have the same code")
 
@@ -340,7 +337,7 @@ class Mission:
         self.tags[tag.tag_id] = tag
 
     def _correct_tag(self, tag: Tag | None) -> str:
-        """Search for a tag with other values from now on, in the flight that goes on."""
+        """Change a tag's values in the flight that goes on."""
         known = None if tag is None else self.tags.get(tag.tag_id)
         if tag is None or known is None or self.flight is None:
             raise UavrtError(f"detecting {searched_text(self.tags.values())}: send stop first")
@@ -374,7 +371,7 @@ class Mission:
             before_s, now_s = known.pulse_intervals_s[-1], tag.pulse_intervals_s[-1]
             words = f"{1e3 * now_s:.0f} ms, was {1e3 * before_s:.0f}"
         for text in (f"Tag {tag.tag_id}: {words}", *warnings):
-            self._tell(5, text)
+            self._notify(5, text)
         return words
 
     def _check_complete(self, sent: int) -> None:
@@ -382,10 +379,10 @@ class Mission:
             raise UavrtError(f"only {len(self.tags)} of {sent} tags came: send them all again")
 
     def _has_no_list(self, command: Command) -> bool:
-        """Whether no tags are loaded, or only the beginning of somebody else's list.
+        """Whether no complete list of tags is loaded.
 
-        Who may command while another's list is being sent comes after that one has been silent
-        for a minute, or with a seal: the rest of the list is not coming.
+        A station may command during another's upload only with a seal, or once that one has
+        been silent for a minute: then the rest of the list will not come.
         """
         if self.state is SystemState.RECEIVING_TAGS:
             alone = self.settings.mavlink.first_commands
@@ -393,10 +390,7 @@ class Mission:
         return self.state is SystemState.IDLE
 
     def _take_last_tags(self) -> None:
-        """Load the tags that were sent last, also before a restart, as if sent again.
-
-        Raises `UavrtError`: there are none, or one of them is not taken any more.
-        """
+        """Load the tags of the last upload, also before a restart; raises `UavrtError`."""
         tags = self._last_tags.read() or ()
         if not tags:
             raise UavrtError("no tags are known: send them once, by uavrt ground")
@@ -413,7 +407,7 @@ class Mission:
         log.info("last tags", tags=len(self.tags))
 
     def _set_parameter(self, name: str | None, value: float | None) -> str:
-        """Change a setting, now and for later starts; say from when on it is in force."""
+        """Change a setting, now and for later starts; answer when it comes into force."""
         if name is None or value is None:
             raise UavrtError("the parameter or its value is missing")
         waits = self.state is SystemState.DETECTING and not PARAMETERS[name].live
@@ -427,12 +421,12 @@ class Mission:
         return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
 
     def _use_start(self, command: Command) -> None:
-        """Use what came with a start or a capture, if a radio can be set to it."""
+        """Use the values of a start or a capture, if the radio supports them."""
         check_start(self.settings, command.center_frequency_hz, command.gain)
         self._use_gain(command.gain)
 
     def _use_gain(self, gain: int | None) -> None:
-        """Use a gain that came with a start, until another is set or uavrt is stopped."""
+        """Use a start's gain, until another is set or uavrt is stopped."""
         if gain is not None:
             self._use(with_parameter(self.settings, "RADIO_GAIN", gain))
             self._gain = gain
@@ -447,8 +441,8 @@ class Mission:
     def begin_flight(self, center_frequency_hz: float | None) -> FlightInfo:
         """Choose the radio's frequency (the operator's, the settings', the tuner's); begin.
 
-        Raises `TunerError`: no radio frequency serves all the tags.
-        Raises `RecordingError`: the flight's directory cannot be made.
+        Raises `TunerError` if no radio frequency serves all the tags, `RecordingError` if the
+        flight's directory cannot be made.
         """
         self._check_free()
         tags = tags_with_overrides(self.settings, self.tags.values())
@@ -470,13 +464,13 @@ class Mission:
         self._on_start(self.flight)
         count = len(self.tags)
         words = "1 tag" if count == 1 else f"{count} tags"
-        self._tell(6, f"Detecting {words} at {center_hz:.0f} Hz")
+        self._notify(6, f"Detecting {words} at {center_hz:.0f} Hz")
         for warning in (*warnings, *self._words_of_near_codes(tags)):
-            self._tell(5, warning)
+            self._notify(5, warning)
         return self.flight
 
     def _words_of_near_codes(self, tags: Sequence[Tag]) -> list[str]:
-        """Name codes that a burst may be taken for each other's, in words for a radio link."""
+        """Name codes that may be confused, in words for a radio link."""
         window_hz = self.settings.detection.frequency_window_hz
         pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
         words = [f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_NEAR]]
@@ -487,7 +481,7 @@ class Mission:
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
         """Begin to record the band; the frequency is the operator's, or as in a flight.
 
-        Raises `UavrtError`: no frequency is known, the disk is nearly full, or flights are
+        Raises `UavrtError` if no frequency is known, the disk is nearly full, or flights are
         being copied.
         """
         self._check_free()
@@ -512,7 +506,7 @@ class Mission:
             capture_s=recording.capture_s,
         )
         self._on_start(self.flight)
-        self._tell(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
+        self._notify(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
         return self.flight
 
     def _question(self, tags: tuple[Tag, ...], center_hz: float | None) -> TuningQuestion:
@@ -531,7 +525,7 @@ class Mission:
             self._operations.check_free()
 
     def flight_ended(self) -> FlightInfo | None:
-        """Note that the last pulse is on its way; get the flight that was."""
+        """Note that the last pulse is on its way; get the flight that ended."""
         flight, self.flight = self.flight, None
         if flight is not None:
             self.last_flights.append(flight.directory)
@@ -542,7 +536,7 @@ class Mission:
 
 
 def _check_tag(tag: Tag) -> None:
-    """Refuse by any wire what the tag files refuse."""
+    """Refuse, on any wire, what the tag files refuse."""
     faults = faults_of_tags([tag])
     if faults:
         raise UavrtError(faults[0])
@@ -550,7 +544,7 @@ def _check_tag(tag: Tag) -> None:
 
 def _recent(directory: str) -> bool:
     written_ns = last_written_ns(Path(directory))
-    # A computer without a battery-backed clock may wake up in the past: that is recent too.
+    # A computer without a battery-backed clock may start in the past: that is recent too.
     return (
         written_ns is not None
         and wall_ns() - written_ns < RESUME_WITHIN_S * NANOSECONDS_PER_SECOND

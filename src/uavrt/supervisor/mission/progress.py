@@ -1,6 +1,6 @@
 """Progress of starting and ending a flight, as `Operation` records for the ground. Pure.
 
-The acknowledgement of a start says that it was accepted; that samples flow is another matter.
+A start is acknowledged before samples flow.
 """
 
 from collections.abc import Callable
@@ -12,18 +12,18 @@ from uavrt.messages import FlightInfo, Health, Operation
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """The receiver's words for a capture that is over."""
 PATIENCE_S = 30.0
-"""A capture that has no samples for this long, after it should be over, has failed."""
+"""Time without samples after which an overdue capture has failed [s]."""
 
 NO_SAMPLES = "the radio gives no samples. Check that it is plugged in"
 FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower sample rate"
 SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or less"
 
 _SLOWEST = 3.0
-"""How many lengths longer a capture may take while samples arrive."""
+"""Longest duration of a capture with samples, in its lengths."""
 
 
 class FlightProgress:
-    """Watches one flight after the other.
+    """Tracks one flight after the other.
 
     `publish`: gets each step.
     """
@@ -36,10 +36,10 @@ class FlightProgress:
         self._over = False
         self._fault = self._recorded = self._why = ""
         self._slow = NO_SAMPLES
-        """What keeps a capture for which the receiver gives no reason."""
+        """What delays a capture for which the receiver gives no reason."""
 
     def started(self, flight: FlightInfo) -> None:
-        """A flight or a capture has begun."""
+        """Note that a flight or a capture has begun."""
         self._capture_s, self._over = flight.capture_s, False
         self._fault = self._recorded = self._why = ""
         self._slow = NO_SAMPLES
@@ -51,7 +51,7 @@ class FlightProgress:
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
-        """Take the health of a process."""
+        """Handle the health of a process."""
         if not health.process.startswith("receiver"):
             return
         if self._capture_s is not None and health.ok:
@@ -81,13 +81,13 @@ class FlightProgress:
         return self._over
 
     def stopping(self) -> None:
-        """The end was asked for."""
+        """Note that the end was commanded."""
         if self._capture_s is None:
             self._name = "stop_detection"
             self._say("running", "waiting for the last pulses")
 
     def ended(self, directory: str) -> str:
-        """The flight is closed; return the text for the operator."""
+        """Note that the flight is closed; return the text for the operator."""
         captured = self._capture_s is not None
         failed = captured and bool(self._fault) and not self._recorded
         if failed:

@@ -1,5 +1,4 @@
-"""Is the radio there? ``python -m uavrt.supervisor.mission.radio_check``, a short-lived
-process.
+"""Checks the radio: ``python -m uavrt.supervisor.mission.radio_check``, a short-lived process.
 
 The module of the radios needs NumPy, and the radio's program may hang.
 """
@@ -18,16 +17,14 @@ from uavrt.errors import UavrtError
 from uavrt.ipc.parent import PARENT_VARIABLE, die_with_parent
 
 TIMEOUT_S = 7.5
-"""The ground station waits 8 s for an answer; a radio that works gives it within four."""
+"""Longest query [s]; the ground station waits 8 s, a radio that works answers within 4."""
 
 
 class RadioQuestion:
     """A query in progress.
 
-    Ask it where children are looked after, so that nobody takes it for an orphan, and wait for
-    its answer in a thread.
-
-    Raises `OSError`: the system has no room for another process.
+    Create it where children are tracked, so that it does not count as an orphan, and wait for
+    its answer in a thread. Raises `OSError` if the system has no room for another process.
     """
 
     def __init__(self, settings: RadioSettings) -> None:
@@ -47,19 +44,19 @@ class RadioQuestion:
         return self._process.pid
 
     def stop(self) -> None:
-        """End it: a flight starts and needs the radio. It answers that it was not asked."""
+        """End it, because a flight starts and needs the radio; its answer says so."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 
     def answer(self) -> tuple[bool, str]:
-        """Get whether the radio is there, and what to say of it; takes some seconds."""
+        """Wait some seconds for whether the radio is there, with a text."""
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT_S)
             answer = json.loads(output)
         except (OSError, subprocess.TimeoutExpired, ValueError) as error:
             return False, f"the radio was not asked ({type(error).__name__}): try again"
         finally:
-            # The radio's program with it: it would keep the radio from the flight.
+            # With the radio's program, which would block the radio.
             self.stop()
             self._process.wait()
             if self._process.stdout is not None:
@@ -68,7 +65,7 @@ class RadioQuestion:
 
 
 def main() -> None:
-    """Answer the question of the command line on standard output."""
+    """Run the query of the command line; print the answer."""
     from uavrt.radio.checking import check_device
 
     die_with_parent()

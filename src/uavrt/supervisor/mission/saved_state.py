@@ -1,7 +1,6 @@
 """The supervisor's state on disk, in a file replaced atomically.
 
-After a kill or a power cut the next supervisor resumes where this one was. A clean stop removes
-the file, so the next start begins afresh.
+After a kill or a power cut the next supervisor resumes from it. A clean stop removes the file.
 """
 
 import os
@@ -23,19 +22,19 @@ class SavedState:
 
     boot_id: str
     clock_offset_ns: int
-    """Holds only within the same boot."""
+    """Clock of the flight [ns]; valid only within the same boot."""
     state: SystemState
     tags: tuple[Tag, ...]
     flight: FlightInfo | None
     tags_sent: int = 0
-    """Tags of the last upload as its sender counted them; 0 where it did not."""
+    """Number of tags in the last upload by its sender; 0 if not sent."""
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
-    """As an operator has set it, in place of the settings' one."""
+    """Gain set by an operator, in place of the settings' one."""
     waiting: dict[str, float] = field(default_factory=dict)
-    """Values in force in the flight of parameters that change at the next start."""
+    """Present values of parameters that change at the next start."""
     commander: str | None = None
-    """Whose commands count."""
+    """Station whose commands count."""
 
 
 class StateStore(KeptFile[SavedState]):
@@ -50,11 +49,9 @@ class StateStore(KeptFile[SavedState]):
         self._lock: int | None = None
 
     def claim(self) -> None:
-        """Make sure that no other supervisor flies from this directory.
+        """Lock the directory for this supervisor; raises `ConfigError` if another has it.
 
-        The kernel gives the lock back when this process ends, however it ends.
-
-        Raises `ConfigError`: another one does.
+        The kernel releases the lock when this process ends.
         """
         import fcntl  # not where Windows runs the page, which reads the state
 

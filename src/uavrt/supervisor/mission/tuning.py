@@ -1,7 +1,7 @@
 """Plan a search in a short-lived process: ``python -m uavrt.supervisor.mission.tuning``.
 
-The plan needs NumPy, which would double the supervisor's memory for a calculation of 10 ms at
-each start of a flight. The nursery has it: from there it takes 20 ms.
+The plan needs NumPy, which would double the supervisor's memory for 10 ms of computing at each
+start of a flight. Forked from the nursery, which has it, it takes 20 ms.
 """
 
 import math
@@ -21,23 +21,23 @@ from uavrt.messages import Tag
 from uavrt.supervisor.start.launcher import Launcher
 
 TIMEOUT_S = 15.0
-"""The calculation takes 10 ms, the imports 0.3 s, measuring a long list 2 s; on a busy small
-computer several times that."""
+"""Longest wait for the plan [s]; the imports take 0.3 s, measuring a long list 2 s. On a busy
+small computer several times that."""
 UNMEASURED_TAGS = 100
-"""Up to this number of tags, two cores of a small companion computer carry the search."""
+"""Number of tags that two cores of a small computer can always search."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningQuestion:
-    """What is to be searched for, and how."""
+    """Tags to be searched for, and how."""
 
     tags: tuple[Tag, ...]
     sample_rate_hz: float
     detection: DetectionSettings
     center_frequency_hz: float | None = None
-    """Set by the operator; None: the tuner's choice."""
+    """Set by the operator [Hz]; None: the tuner's choice."""
     spare_cores: int | None = None
-    """Processor cores for the detectors; None: the cost is of no interest."""
+    """Processor cores for the detectors; None: do not check the cost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +52,8 @@ class Tuning:
 def ask_tuner(question: TuningQuestion, launcher: Launcher | None = None) -> Tuning:
     """Get the radio frequency that serves all the tags.
 
-    Raises `TunerError`: there is none, the search cannot be done, or there was no answer; the
-    text says why.
+    Raises `TunerError`, with the reason, if there is none, the search cannot be done, or no
+    answer came.
     """
     try:
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
@@ -68,7 +68,7 @@ def ask_tuner(question: TuningQuestion, launcher: Launcher | None = None) -> Tun
 
 
 def _answer(question: TuningQuestion, launcher: Launcher) -> bytes:
-    """Run this module as a program; get what it prints."""
+    """Run this module as a program; return its output."""
     asked = os.memfd_create("question")  # a command line holds 128 kB
     try:
         with open(asked, "wb", closefd=False) as file:

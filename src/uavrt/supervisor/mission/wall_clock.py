@@ -4,10 +4,10 @@ from uavrt.card import clock_fault
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 NOTED_S = 0.5
-"""NTP slews by 500 ppm at most, half a second in 17 minutes; a step is usually more."""
+"""Smallest correction that is noted [s]; NTP slews half a second in 17 minutes at most."""
 AGAIN_S = 15.0
-"""A ground station that is not yet heard when a flight begins hears of a wrong time by then;
-within ten seconds of a text the connection sends no second one."""
+"""Time after which a wrong time is reported again [s], for a station that connects later.
+Longer than the ten seconds in which the connection suppresses repeated texts."""
 
 
 class WallClockWatch:
@@ -18,7 +18,7 @@ class WallClockWatch:
         self._again_s: float | None = None
 
     def flight_started(self, now_s: float) -> str | None:
-        """From here on the two agree; return a text if the time they agree on is wrong."""
+        """Start with both equal; return a text if the time is wrong."""
         self._noted_s = 0.0
         text = _wrong_time()
         self._again_s = None if text is None else now_s + AGAIN_S

@@ -1,10 +1,9 @@
 """Who is in command: the first station that commanded, until silent for a minute. Pure.
 
-Telemetry radios are open. Whoever commands a flight first is believed (trust on first use)
-from its tags to its end; others watch, and take over only with a seal, which proves the drone's
-key, or when the first has not been heard for `SILENCE_S`. Names can be chosen by their senders:
-this keeps mistakes and mischief out, not an attacker who listens
-(docs/how-to/lock-the-link.md).
+Telemetry radios are open. The first station that commands a flight is trusted from its tags to
+its end. Others can take over only with a seal, which proves the drone's key, or when the first
+has been silent for `SILENCE_S`. Senders choose their own names, so this prevents mistakes and
+mischief, not an attack (docs/how-to/lock-the-link.md).
 """
 
 from collections.abc import Callable
@@ -14,15 +13,15 @@ from uavrt.commands import COMMANDS, Who
 from uavrt.messages import Command
 
 SILENCE_S = 60.0
-"""A ground station that restarts is back in seconds; a battery is changed in a minute."""
+"""Silence after which another station may command [s]; longer than a restart."""
 OWN_SOURCES = ("capture", "command line")
-"""The supervisor itself, and who started it: at the drone's side."""
+"""The supervisor itself, and its starter: on the drone's side."""
 
 
 class Commander:
     """The station in command.
 
-    `pinned`: False: everybody may command.
+    `pinned`: False: every station may command.
     """
 
     def __init__(
@@ -35,17 +34,17 @@ class Commander:
         self._clock_s = clock_s
         self._heard_s = clock_s()
         self.name: str | None = None
-        """Its source, as its commands tell it; None before the first."""
+        """Source of its commands; None before the first."""
         self.refused = 0
         self._flight_over = False
 
     def heard(self, source: str, silent_s: float) -> None:
-        """Note that somebody was heard, `silent_s` ago."""
+        """Note that a station was received, `silent_s` ago."""
         if source == self.name:
             self._heard_s = max(self._heard_s, self._clock_s() - silent_s)
 
     def refusal(self, command: Command) -> str | None:
-        """Explain why a command does not count; None if it does."""
+        """Explain why a command is refused; None if it is not."""
         who = COMMANDS[command.name].who
         if not self._pinned or who is Who.ANYBODY or _is_own(command.source):
             return None
@@ -64,11 +63,11 @@ class Commander:
         )
 
     def flight_ended(self) -> None:
-        """Give the next flight to whoever sends tags first."""
+        """Release the command to the next station that sends tags."""
         self._flight_over = True
 
     def accepted(self, command: Command) -> bool:
-        """Note a command that was carried out; True when it made a new commander."""
+        """Note a command that was carried out; True if it made a new commander."""
         if COMMANDS[command.name].who is Who.ANYBODY or _is_own(command.source):
             return False
         changed = self.name != command.source

@@ -1,5 +1,5 @@
-"""Start programs, and what is known of a running one.
+"""Starts and measures programs.
 
-`launcher` starts a process, by the `nursery` where that is ready; `restarts` says when one may
-start again, `usage` what it takes.
+`launcher` starts a process, by the `nursery` if ready; `restarts` decides on restarts, `usage`
+measures.
 """

@@ -1,7 +1,7 @@
 """Start processes: fork from the nursery when it is ready, else exec.
 
-Imports little: the supervisor's program starts the nursery before it imports the rest, so that
-both import at the same time.
+It has few imports: the supervisor's program starts the nursery before it imports the rest, so
+that both import at the same time.
 """
 
 import json
@@ -23,24 +23,20 @@ from uavrt.supervisor.start.usage import children_of
 log = get_logger()
 
 ANSWER_S = 1.0
-"""A fork takes 5 ms; a nursery that does not answer for so long is given up."""
+"""Longest wait for the nursery [s]; a fork takes 5 ms."""
 PING_S = 2.0
 SILENCE_S = 3.0
-"""It is asked for a sign of life this often, and killed when none has come for so long."""
+"""Time between requests for a sign of life, and silence after which it is killed [s]."""
 IMPORT_S = 20.0
-"""The same for its imports, which take 0.6 s of CPU."""
+"""The limit during its imports, which take 0.6 s of CPU [s]."""
 FIRST_WAIT_S = 10.0
-"""At the start of the system so long is waited for the nursery's imports (0.6 s of CPU)."""
+"""Wait for the nursery's imports when the system starts [s]."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""BLAS is held to one thread, whatever the caller's environment says: several detectors with
-several threads each on a few cores fight."""
+"""One thread for BLAS: detectors with several threads each would compete for few cores."""
 
 
 class Launcher:
-    """The nursery, as the supervisor sees it, and the way without it.
-
-    Whatever happens to the nursery, `start` starts a process, if the system can.
-    """
+    """Starts processes, with or without the nursery."""
 
     def __init__(self) -> None:
         self._environment = blas_environment() | ENVIRONMENT
@@ -51,7 +47,7 @@ class Launcher:
         self._born_s = monotonic_s()
         self._heard_s = 0.0
         self._asked_s: float | None = None
-        """Since when a sign of life is awaited."""
+        """Time of the unanswered request for a sign of life [s]."""
         self._fault = ""
         self._restarts = Restarts()
 
@@ -64,7 +60,7 @@ class Launcher:
 
     @property
     def restarts(self) -> int:
-        """How often the nursery was started again."""
+        """Number of restarts of the nursery."""
         return self._restarts.total
 
     @property
@@ -77,7 +73,7 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Get the descriptor that can be read when the nursery says something, or ends."""
+        """Descriptor that is readable when the nursery sends something, or ends."""
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
@@ -102,10 +98,7 @@ class Launcher:
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
-        """Note its readiness or end, and start it again when that is due.
-
-        Returns: how it ended, if it has.
-        """
+        """Note its readiness or end, and restart it when due; return how it ended, if so."""
         now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
@@ -123,7 +116,7 @@ class Launcher:
         return reason
 
     def _listen(self, now_s: float) -> None:
-        """Take its signs of life, and ask for more."""
+        """Read its signs of life, and request more."""
         while self._sock is not None and self._readable(0.0):
             if self._receive() is None:
                 return
@@ -137,7 +130,7 @@ class Launcher:
             self._send(b"{}", [])
 
     def close(self) -> None:
-        """End the nursery; nobody else is touched."""
+        """End the nursery; other processes go on."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -164,14 +157,11 @@ class Launcher:
     ) -> int:
         """Start ``python -m MODULE`` in a process group of its own; get its process id.
 
-        It is our child; waiting for it is the caller's.
+        It is our child, and the caller waits for it.
 
-        `module`: with a function ``main``.
-        `name`: as ``top`` shall show it.
-        `output`: descriptor for what it prints.
-        `fds`: descriptors that it inherits, under the same numbers.
-        `environment`: on top of ours.
-        `arguments`: after the module.
+        `module`: with a function ``main``. `name`: for ``top``. `output`: descriptor for what
+        it prints. `fds`: descriptors that it inherits, under the same numbers. `environment`:
+        on top of ours. `arguments`: after the module.
         """
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
@@ -192,7 +182,7 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Get a descriptor that can be read once a process has ended; raises `OSError`."""
+        """Get a descriptor that is readable once a process has ended; raises `OSError`."""
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:
@@ -205,7 +195,7 @@ class Launcher:
         return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
 
     def children(self) -> tuple[int, ...]:
-        """Get the process ids of all that this program has started and that still live."""
+        """Process ids of all living processes that this program has started."""
         return children_of(os.getpid())
 
     def _fork(
@@ -217,8 +207,8 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str],
     ) -> int | None:
-        """Ask the nursery; None when it cannot."""
-        # What is forked twice becomes our child only where orphans do.
+        """Fork by the nursery; None if it cannot."""
+        # A process forked twice becomes our child only if we adopt orphans.
         if not self._ready or self._sock is None or not adopts_orphans():
             return None
         request = {
@@ -229,7 +219,7 @@ class Launcher:
             "parent": os.getpid(),
             "places": [1, *fds],
         }
-        # What is forked waits for a word on this pipe: an answer that comes too late must not
+        # The forked process waits for this pipe: an answer that comes too late must not
         # leave a second process with the same sockets.
         go, give = os.pipe()
         try:
@@ -250,7 +240,7 @@ class Launcher:
         return int(answer["pid"])
 
     def _answer(self) -> dict[str, int | str] | None:
-        """Wait for the answer to a request; signs of life may come before it."""
+        """Wait for the answer to a request, after any signs of life."""
         deadline_s = monotonic_s() + ANSWER_S
         answer: dict[str, int | str] | None = {}
         while answer == {} and self._readable(max(0.0, deadline_s - monotonic_s())):
@@ -258,7 +248,7 @@ class Launcher:
         return answer or None
 
     def _give_up(self, fault: str) -> None:
-        """Use it no more; `tend` will find it dead."""
+        """Stop using it; `tend` will find it dead."""
         log.warning("nursery killed", reason=fault)
         self._ready = False
         self._fault = fault
@@ -282,7 +272,7 @@ class Launcher:
         return bool(select.select([self._sock], [], [], timeout_s)[0])
 
     def _receive(self) -> dict[str, int | str] | None:
-        """Get a datagram of the nursery; None at its end."""
+        """Receive a datagram of the nursery; None at its end."""
         assert self._sock is not None
         try:
             data = self._sock.recv(4096)

@@ -1,15 +1,15 @@
 """The helper that forks the processes, with their imports already done.
 
 ``python -m uavrt.supervisor.start.nursery``, started by `uavrt.supervisor.start.launcher`.
-Importing NumPy and the rest takes each process 0.1 to 0.4 s of CPU and 13 to 40 MB; here it is
-done once, before it is needed, and the pages are shared.
+Imports take each process 0.1 to 0.4 s of CPU and 13 to 40 MB; here they are done once, in
+advance, and the pages are shared.
 
 A process is forked twice, so that it becomes the supervisor's own child at once (the supervisor
-adopts orphans): the supervisor waits for it, and the death of the nursery ends nobody.
+adopts orphans) and outlives the nursery.
 
 A request is one datagram, JSON with file descriptors (``SCM_RIGHTS``), answered by the process
 id; an empty one is answered by an empty one, as a sign of life. The first datagram, empty too,
-says that the imports are done.
+reports that the imports are done.
 """
 
 import ctypes
@@ -35,7 +35,7 @@ MODULES = (
     "uavrt.processes.connection",
     "uavrt.processes.recorder",
 )
-"""What is imported beforehand: what every drone runs. Others import after the fork."""
+"""Modules imported in advance, for every drone; other imports come after the fork."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FREE_FD = 500
@@ -45,19 +45,19 @@ _PR_SET_NAME = 15
 
 
 @dataclass(frozen=True, slots=True)
-class Birth:
-    """What a forked process is to become."""
+class ForkedProcess:
+    """Description of a process just forked."""
 
     request: dict[str, Any]
-    """Of `Launcher`: module, name, arguments, environment, parent, places."""
+    """Request of `Launcher`: module, name, arguments, environment, parent, places."""
     fds: list[int]
-    """One for each place, then one by which the supervisor says that it is wanted."""
-    midwife: int
+    """One for each place, then one by which the supervisor confirms the process."""
+    parent_id: int
     """Process id of the short-lived parent between the nursery and this process."""
 
 
-def serve(sock: socket.socket) -> Birth | None:
-    """Fork on request; returns in each forked process, and with None when nobody asks more."""
+def serve(sock: socket.socket) -> ForkedProcess | None:
+    """Fork on request; returns in each forked process, and None when the supervisor ends."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:
@@ -67,28 +67,28 @@ def serve(sock: socket.socket) -> Birth | None:
             sock.send(data)
             continue
         try:
-            birth = fork_twice(request, fds)
+            process = fork_twice(request, fds)
         except OSError as error:
             answer: dict[str, object] = {"error": str(error.strerror)}
         else:
-            if isinstance(birth, Birth):
-                return birth
-            answer = {"pid": birth}
+            if isinstance(process, ForkedProcess):
+                return process
+            answer = {"pid": process}
         for fd in fds:
             os.close(fd)
         sock.send(json.dumps(answer).encode())
 
 
-def fork_twice(request: dict[str, Any], fds: list[int]) -> Birth | int:
-    """Fork a process that is not our child; get its id here, its task there."""
+def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
+    """Fork a process that is not our child; returns its id here, its task there."""
     reader, writer = os.pipe()
     try:
-        midwife = os.fork()
+        parent_id = os.fork()
     except OSError:
         os.close(reader)
         os.close(writer)
         raise
-    if midwife == 0:
+    if parent_id == 0:
         own_id = os.getpid()
         code = 1
         try:
@@ -96,8 +96,8 @@ def fork_twice(request: dict[str, Any], fds: list[int]) -> Birth | int:
             if child == 0:
                 os.close(reader)
                 os.close(writer)
-                return Birth(request, fds, own_id)
-            # Before the supervisor hears of it: it may want to kill the group at once.
+                return ForkedProcess(request, fds, own_id)
+            # Before the supervisor has its id, since it may kill the group at once.
             os.setpgid(child, child)
             os.write(writer, str(child).encode())
             code = 0
@@ -107,21 +107,21 @@ def fork_twice(request: dict[str, Any], fds: list[int]) -> Birth | int:
     os.close(writer)
     with os.fdopen(reader, "rb") as pipe:
         text = pipe.read()
-    os.waitpid(midwife, 0)
+    os.waitpid(parent_id, 0)
     if not text:
         raise OSError(0, "the process could not be forked")
     return int(text)
 
 
-def become(birth: Birth) -> None:
-    """Turn into the process that was asked for, as if it had been executed."""
-    request = birth.request
-    # The kernel is told below to end us with our parent: it must be the right one by then.
-    while (parent := os.getppid()) == birth.midwife:
+def set_up(process: ForkedProcess) -> None:
+    """Set up the forked process as if it had been executed."""
+    request = process.request
+    # The kernel will end us with our parent (below), so wait for the right one.
+    while (parent := os.getppid()) == process.parent_id:
         time.sleep(0.0005)
     if parent != request["parent"]:
         os._exit(1)
-    *fds, go = birth.fds
+    *fds, go = process.fds
     if not os.read(go, 1):
         os._exit(1)  # the supervisor has not waited for us
     os.close(go)
@@ -134,7 +134,7 @@ def become(birth: Birth) -> None:
 
 
 def take_places(fds: list[int], places: list[int]) -> None:
-    """Give each descriptor the number that it had in the supervisor; 1 is also 2."""
+    """Give each descriptor its number in the supervisor; 1 is also 2."""
     raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FREE_FD) for fd in fds]
     for fd in fds:
         os.close(fd)
@@ -146,10 +146,10 @@ def take_places(fds: list[int], places: list[int]) -> None:
 
 
 def show_as(name: str, module: str) -> None:
-    """Let ``top`` show the name, and ``ps`` the module, in place of the nursery's own.
+    """Let ``top`` show the name, and ``ps`` the module.
 
-    The arguments of a process stand in its own memory (arg_start and arg_end of proc(5));
-    Python has copied them long ago.
+    The arguments of a process are in its own memory (arg_start and arg_end of proc(5)); Python
+    has copied them.
     """
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
     with suppress(OSError, ValueError, IndexError):
@@ -176,11 +176,11 @@ def main() -> None:
     filling = fill_pools()
     gc.freeze()
     sock.send(b"{}")
-    birth = serve(sock)
+    process = serve(sock)
     sock.close()
-    if birth is not None:
-        become(birth)
-        importlib.import_module(birth.request["module"]).main()
+    if process is not None:
+        set_up(process)
+        importlib.import_module(process.request["module"]).main()
     del filling  # until now: what it fills must not become free
 
 

@@ -8,12 +8,11 @@ class RestartPolicy:
     """The rule for one row of the table of processes."""
 
     delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
-    """Wait before the first, second, … restart in a row; the last repeats."""
+    """Wait before the first, second, … restart in a row [s]; the last repeats."""
     settled_s: float = 10.0
-    """Alive for this long: restarts in a row are counted from the beginning."""
+    """Time alive after which restarts in a row are counted from the beginning [s]."""
     degraded_after: int = 4
-    """Ends in a row after which it is reported degraded; restarts continue: a radio may be
-    plugged in again, a disk may get room."""
+    """Ends in a row after which it is reported degraded; restarts continue."""
 
     def words(self) -> str:
         """Describe it: ``after 0, 0.5 s …; degraded after 4``."""
@@ -22,7 +21,7 @@ class RestartPolicy:
 
 
 SOON = RestartPolicy()
-"""At once; what a flight cannot do without."""
+"""At once, for processes that a flight needs."""
 
 
 @dataclass(slots=True)
@@ -42,11 +41,11 @@ class Restarts:
         self._started_s = now_s
 
     def forgive(self) -> None:
-        """Forget the ends in a row: the operator ended what it was running for."""
+        """Reset the count, because the operator ended the process's task."""
         self.in_a_row, self.not_before_s = 0, 0.0
 
     def ended(self, now_s: float, reason: str) -> float:
-        """Note an end that was not asked for; get the wait before the restart [s]."""
+        """Note an unexpected end; get the wait before the restart [s]."""
         delays_s = self.policy.delays_s
         if now_s - self._started_s > self.policy.settled_s:
             self.in_a_row = 0
@@ -58,6 +57,6 @@ class Restarts:
         return delay_s
 
     def degraded(self, now_s: float) -> bool:
-        """Whether it keeps ending."""
+        """Whether it ends repeatedly."""
         often = self.in_a_row >= self.policy.degraded_after
         return often and now_s - self._started_s <= self.policy.settled_s

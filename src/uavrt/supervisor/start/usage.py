@@ -10,19 +10,18 @@ MOST_BYTES = 16_384
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What a process tree has used."""
+    """CPU time and memory of a process tree."""
 
     cpu_s: float
-    """User and system time of the living, and of the dead that were waited for."""
+    """User and system time of the living, and of the dead that were waited for [s]."""
     memory_mb: float
     """Resident memory (RSS); shared pages are counted in each process."""
 
 
 def read_proc(path: str) -> str:
-    """Read a file of ``/proc`` of less than 16 kB.
+    """Read a file of ``/proc`` below 16 kB, without a file object: five times as fast.
 
-    Without a file object, which makes three more system calls and takes five times as long:
-    this is done twice a second for each process.
+    This is done twice a second for each process.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:

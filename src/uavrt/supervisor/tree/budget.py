@@ -3,18 +3,17 @@
 from collections import deque
 
 WINDOW_S = 20.0
-"""CPU is judged by the mean over this long: an import or a slow disk is no fault."""
+"""Time over which CPU is averaged [s], so that an import or a slow disk is no fault."""
 SLOWER = 4.0
-"""The rows hold for the reference machine with 100 tags; a Raspberry Pi 5 core is allowed this
-many times as much before the operator hears of it."""
+"""Factor allowed beyond the rows' figures, for a Raspberry Pi 5 core. The rows hold for the
+reference machine with 100 tags."""
 REPEAT_S = 300.0
 
 
 class BudgetWatch:
     """Compares a process's usage with its row's budget.
 
-    `name`: name of the instance, for the text.
-    `cpu_percent`, `memory_mb`: the row's budget.
+    `name`: of the instance, for the text. `cpu_percent`, `memory_mb`: the budget.
     """
 
     def __init__(self, name: str, *, cpu_percent: float, memory_mb: float) -> None:
@@ -27,8 +26,7 @@ class BudgetWatch:
     def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
         """Add a measurement; get a warning when it is too much, at most every five minutes.
 
-        `cpu_s`: CPU time since the start [s].
-        `memory_mb`: resident memory [MB].
+        `cpu_s`: CPU time since the start [s]. `memory_mb`: resident memory [MB].
         """
         self._past.append((now_s, cpu_s))
         while len(self._past) > 2 and self._past[1][0] <= now_s - WINDOW_S:

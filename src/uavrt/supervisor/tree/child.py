@@ -1,4 +1,4 @@
-"""One supervised child process: started, listened to, stopped, reaped."""
+"""One supervised child process: started, read, stopped, reaped."""
 
 import asyncio
 import os
@@ -20,26 +20,19 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""At a time. From 128 KiB on glibc would map and unmap memory for each reading, which then
-costs more than what is read."""
+"""Bytes at a time; from 128 KiB on glibc maps memory for each read, which costs more."""
 
 
 class Child:
     """A running process of the table.
 
-    The child gets its own process group, a stream socket to us, and a pipe for what it prints.
+    It has its own process group, a stream socket to us, and a pipe for its output.
 
-    `name`: instance name, for example ``detector-1``.
-    `module`: Python module to run.
-    `launcher`: starts it.
-    `intake`: says when there are records to read.
-    `outbox`: what is to be sent to it; outlives the child.
-    `pass_fds`: sample sockets it inherits.
-    `on_line`: called with each record line it sends.
-    `on_output`: called with each line it prints.
-    `on_exit`: called with the exit code, once.
-    Raises `OSError`: the system has no room for another process. One that could not be watched
-    is left to `Fleet`, as an orphan.
+    `name`: instance name, for example ``detector-1``. `intake`: reads the records. `outbox`:
+    records to be sent to it; outlives the child. `pass_fds`: sample sockets it inherits.
+    `on_line`, `on_output`: called with each record line and each printed line. `on_exit`:
+    called with the exit code, once. Raises `OSError` if the system has no room for another
+    process; one that cannot be watched is left to `Fleet`, as an orphan.
     """
 
     def __init__(
@@ -58,7 +51,7 @@ class Child:
         self.name = name
         self.exit_code: int | None = None
         self.heard = False
-        """It has said something: it is past its imports."""
+        """Whether it has sent something, so that its imports are done."""
         self.killed = False
         self.last_heard_s = monotonic_s()
         self.cpu_s = self.own_cpu_s = 0.0
@@ -99,7 +92,7 @@ class Child:
         self.pump()
 
     def pump(self) -> None:
-        """Send what waits in the outbox, as far as the socket takes it."""
+        """Send waiting records, as far as the socket takes them."""
         if self.exit_code is not None:
             return
         try:
@@ -172,14 +165,14 @@ class Child:
         os.close(self._pidfd)
         exit_code, cpu_s = self._launcher.reap(self.pid)
         self.cpu_s = max(self.cpu_s, cpu_s)
-        # A radio program that the child left behind must not keep the radio.
+        # A radio program that the child left behind must not block the radio.
         self._signal_group(signal.SIGKILL)
         self._drain()
         self.exit_code = exit_code
         self._on_exit(exit_code)
 
     def _drain(self) -> None:
-        """Read everything it still said before it ended, and close our ends."""
+        """Read its last records and output, and close our ends."""
         self._loop.remove_writer(self._sock)
         while select.select([self._sock], [], [], 0)[0] and self._read_records():
             pass

@@ -1,8 +1,8 @@
-"""Everything the children print is kept, each line with its time.
+"""Keeps everything the children print, each line with its time.
 
-During a flight the files stand in the flight directory, in the thesis's layout
-(`uavrt.recording.layout`); the radio program's own words are told from the receiver's.
-Otherwise they stand in ``system_log/`` beside the flights.
+During a flight the files are in the flight directory, in the thesis's layout
+(`uavrt.recording.layout`), with the radio program's output apart from the receiver's. Otherwise
+they are in ``system_log/`` in the flights' folder.
 """
 
 import json
@@ -15,7 +15,7 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.recording.process_log import ProcessLog
 
 RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
-"""How the receiver marks a line of the radio program, and its command."""
+"""Log events of the receiver for a line of the radio program, and for its command."""
 
 _SEVERITY = {"warning": 4, "error": 3, "critical": 2}
 """Log level to MAVLink severity."""
@@ -47,11 +47,11 @@ class OutputLog:
         self._logs: dict[Path, ProcessLog] = {}
 
     def open_flight(self, directory: Path) -> None:
-        """Write to a flight's directory from now on."""
+        """Write to a flight's directory."""
         self._flight = FlightLayout(directory)
 
     def close_flight(self) -> None:
-        """Write beside the flights again."""
+        """Write to the flights' folder again."""
         self._flight = None
         self._logs.clear()
 
@@ -61,7 +61,7 @@ class OutputLog:
         return sum(log.lost_lines for log in self._logs.values())
 
     def write(self, process: str, line: bytes) -> None:
-        """Keep a line with the time it was printed."""
+        """Write a line with the time it was printed."""
         path = self._path("radio" if any(e in line for e in RADIO_EVENTS) else process)
         log = self._logs.setdefault(path, ProcessLog(path))
         stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ ", time.gmtime())

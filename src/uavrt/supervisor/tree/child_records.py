@@ -1,9 +1,8 @@
-"""Read what the processes send: at once after a pause, in batches under load.
+"""Read the processes' records: at once after a pause, in batches under load.
 
-With a hundred tags the processes send forty times a second, and each waking of the supervisor
-costs it 0.1 to 0.2 ms, more than the records do. So the next read comes `PERIOD_S` after the
-last and takes all that has arrived meanwhile; after a pause records are read at once, so an
-operator's command does not wait.
+With a hundred tags there are forty messages a second, and each wake-up of the supervisor costs
+0.1 to 0.2 ms, more than the records. So the next read comes `PERIOD_S` after the last; after a
+pause records are read at once, so that an operator's command does not wait.
 """
 
 import asyncio
@@ -11,17 +10,18 @@ import select
 from collections.abc import Callable
 
 PERIOD_S = 0.05
-"""A pulse passes here three times on its way to the ground, so it is delayed by 0.15 s at most
-and by half of it in the mean; a radio block is 87 ms."""
+"""Time between two reads under load [s]. A pulse passes here three times on its way to the
+ground, so it is delayed by 0.15 s at most and by half of it in the mean; a radio block is 87
+ms."""
 
 
 class Intake:
     """Reads the processes' sockets in turn.
 
-    One epoll descriptor stands for all of them in the event loop, which can so be deaf to them
-    for a while with one call.
+    One epoll descriptor stands for all of them in the event loop, so a single call pauses
+    reading.
 
-    `period_s`: between two readings while there is something to read each time [s].
+    `period_s`: between two reads under load [s].
     """
 
     def __init__(self, period_s: float = PERIOD_S) -> None:
@@ -32,21 +32,21 @@ class Intake:
         self._timer: asyncio.TimerHandle | None = None
 
     def add(self, fd: int, read: Callable[[], object]) -> None:
-        """Call `read` when there is something to read; it takes what is there."""
+        """Call `read` when a descriptor is readable."""
         self._readers[fd] = read
         self._epoll.register(fd, select.EPOLLIN)
         if self._timer is None:
             self._listen(True)
 
     def remove(self, fd: int) -> None:
-        """Forget a descriptor, before it is closed; an unknown one is no fault."""
+        """Remove a descriptor, before it is closed; an unknown one is ignored."""
         if self._readers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
         if not self._readers:
             self._rest()
 
     def _rest(self) -> None:
-        """Leave nothing in the event loop: a system that has ended must let it end."""
+        """Leave the event loop, so that it can end."""
         self._listen(False)
         if self._timer is not None:
             self._timer.cancel()
@@ -63,7 +63,7 @@ class Intake:
         self._listening = wanted
 
     def _take(self) -> None:
-        """Read all that waits; then be deaf for a moment, or listen when nothing came."""
+        """Read all that waits; then pause, or wait for input when nothing came."""
         self._timer = None
         ready = self._epoll.poll(0)
         try:

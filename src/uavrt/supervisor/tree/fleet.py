@@ -1,4 +1,4 @@
-"""The processes that should run: started, watched, restarted, stopped, by the table's rows."""
+"""The processes that should run: started, monitored, restarted, stopped, by their table."""
 
 import asyncio
 import contextlib
@@ -17,7 +17,7 @@ from uavrt.ipc.topics import encode_record
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Tag
 from uavrt.supervisor.mission.flight_opening import share_tags
-from uavrt.supervisor.mission.orders import Mission, Tell
+from uavrt.supervisor.mission.orders import Mission, Notify
 from uavrt.supervisor.start.launcher import Launcher
 from uavrt.supervisor.tree.child import Child
 from uavrt.supervisor.tree.child_records import Intake
@@ -35,14 +35,11 @@ SILENCE_REPORT_S = 4.0
 class Fleet:
     """All instances of the table's rows.
 
-    `rows`: in start order.
-    `mission`: says what is to be done; state, tags, flight, settings and clock are read from
-    it.
-    `launcher`: starts them; its nursery is looked after here.
-    `workers`: detector processes at most.
-    `tell`: sends a text (severity, text) to the operator.
-    `on_line`, `on_output`: get each record and each printed line of an instance.
-    `wake`: called when something has ended, so that `ensure` comes soon.
+    `rows`: in start order. `mission`: source of state, tags, flight, settings and clock.
+    `launcher`: starts them, and its nursery is restarted here. `workers`: detector processes at
+    most. `notify`: sends a text (severity, text) to the operator. `on_line`, `on_output`: get
+    each record and each printed line of an instance. `wake`: called when a process has ended,
+    so that `ensure` comes soon.
     """
 
     def __init__(
@@ -52,7 +49,7 @@ class Fleet:
         *,
         launcher: Launcher,
         workers: int,
-        tell: Tell,
+        notify: Notify,
         on_line: LineHandler,
         on_output: LineHandler,
         wake: Callable[[], None],
@@ -62,23 +59,23 @@ class Fleet:
         self._launcher = launcher
         self._nursery_fd: int | None = None
         self._workers = workers
-        self._tell = tell
+        self._notify = notify
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
         self._strangers = set(launcher.children())
-        """Children of this program that were here before; they are no orphans of ours."""
+        """Children of this program from before, which are no orphans of ours."""
         self._spared: set[int] = set()
         self._ending: set[int] = set()
         """Orphans that were killed and have not gone yet."""
         self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
         self._window_hz = mission.settings.detection.frequency_window_hz
-        """As the tags were shared out by: the settings may change before the flight ends."""
+        """Search half-width when the tags were distributed [Hz]; it may change in flight."""
         self._receiver: Receiver | None = None
-        """Likewise, what the radio is set to."""
+        """Radio settings when the tags were distributed."""
         self._restarting = asyncio.Lock()
         self._restarts_waiting = 0
-        """Restarts of the search under way; nothing of it is started until they are done."""
+        """Number of restarts of the search under way; its processes start after them."""
 
     @property
     def instances(self) -> Iterable[Instance]:
@@ -111,15 +108,15 @@ class Fleet:
                 self._watch(instance, instance.child, now_s)
 
     def _tend_nursery(self) -> None:
-        """Look after the helper; nothing that runs depends on it."""
+        """Restart the nursery when needed; no running process depends on it."""
         reason = self._launcher.tend()
         if reason is not None:
-            self._tell(4, f"nursery {reason}: restarting it")
+            self._notify(4, f"nursery {reason}: restarting it")
         nursery_fd = self._launcher.fileno()
         if nursery_fd != self._nursery_fd:
             loop = asyncio.get_running_loop()
             if self._nursery_fd is not None:
-                # It is closed: its number must not be taken for watched when it is used again.
+                # It is closed, and its number may be used again.
                 loop.remove_reader(self._nursery_fd)
             self._nursery_fd = nursery_fd
             if nursery_fd is not None and self._launcher.worth_waiting:
@@ -145,7 +142,7 @@ class Fleet:
         return len(self._shares((*self._mission.tags.values(),)))
 
     def _shares(self, tags: tuple[Tag, ...]) -> tuple[tuple[Tag, ...], ...]:
-        """Which detector worker has which tags."""
+        """Tags of each detector worker."""
         return share_tags(
             tags, self._workers, window_hz=self._window_hz, receiver=self._receiver
         )
@@ -176,20 +173,20 @@ class Fleet:
                 on_exit=lambda code: self._on_exit(instance, code),
             )
         except OSError as error:
-            # No memory or no process ids left: that may pass, and is no reason to end.
+            # No memory or no process ids left: this may pass, so go on.
             self._report_restart(instance, f"could not be started ({error.strerror})")
             return
         log.info("started", child=instance.name, pid=instance.child.pid)
 
     def _watch(self, instance: Instance, child: Child, now_s: float) -> None:
-        """Kill a child that has said nothing for too long."""
+        """Kill a child that has been silent for too long."""
         if instance.stop_asked_s is not None or child.killed:
             return
         limit_s = instance.row.silence_limit_s if child.heard else instance.row.start_limit_s
         silent_s = now_s - child.last_heard_s
         late = child.heard and SILENCE_REPORT_S < silent_s < limit_s - 1.0
         if late and not instance.silence_reported:
-            self._tell(4, f"{instance.name} is silent: the disk may be slow or failing")
+            self._notify(4, f"{instance.name} is silent: the disk may be slow or failing")
         instance.silence_reported = late
         if silent_s > limit_s:
             instance.last_words = f"silent for {silent_s:.0f} s"
@@ -215,9 +212,9 @@ class Fleet:
         restarts = instance.restarts
         delay_s = restarts.ended(monotonic_s(), reason)
         if restarts.in_a_row < restarts.policy.degraded_after:
-            self._tell(4, f"{instance.name} {reason}: restarting it")
+            self._notify(4, f"{instance.name} {reason}: restarting it")
         elif restarts.in_a_row == restarts.policy.degraded_after:
-            self._tell(
+            self._notify(
                 3,
                 f"{instance.name} degraded: ended {restarts.in_a_row} times in a row, "
                 f"now tried every {delay_s:.0f} s. Last: {reason}",
@@ -225,7 +222,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def sparing(self, pid: int) -> Iterator[None]:
-        """Leave a child of this program in peace that is in no row and not the nursery."""
+        """Exempt a child of this program that is in no row from the search for orphans."""
         self._spared.add(pid)
         try:
             yield
@@ -233,7 +230,7 @@ class Fleet:
             self._spared.discard(pid)
 
     def _end_orphans(self) -> None:
-        """End what a killed child has left behind, above all a radio program.
+        """Kill processes that a killed child has left, above all a radio program.
 
         One that hangs in the kernel, as over a USB device, ends later: it is not waited for.
         """
@@ -263,9 +260,9 @@ class Fleet:
         self._roads = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Start receiver and detectors again with the flight's present tags.
+        """Restart receiver and detectors with the flight's present tags.
 
-        Returns: the flight that goes on; None if it has ended meanwhile.
+        Returns the flight; None if it has ended meanwhile.
         """
         flight = self._mission.flight
         self._restarts_waiting += 1
@@ -275,7 +272,7 @@ class Fleet:
                 now = self._mission.flight
                 if flight is None or now is None or now.directory != flight.directory:
                     return None
-                self.make_sample_roads()
+                self.make_sample_sockets()
                 return now
         finally:
             self._restarts_waiting -= 1
@@ -291,7 +288,7 @@ class Fleet:
         instances = [i for i in self._instances.values() if i.row is row]
         running = [instance for instance in instances if instance.child is not None]
         for instance in instances:
-            # What ended in this flight says nothing of the next.
+            # Ends in this flight do not count in the next.
             instance.restarts.forgive()
         for instance in running:
             instance.stop_asked_s = monotonic_s()
@@ -302,15 +299,15 @@ class Fleet:
             if monotonic_s() > deadline_s:
                 for instance in running:
                     if instance.child is not None:
-                        self._tell(4, f"{instance.name} did not stop: killed")
+                        self._notify(4, f"{instance.name} did not stop: killed")
                         instance.child.kill()
                 deadline_s = monotonic_s() + row.stop_timeout_s
             await asyncio.sleep(0.02)
 
     # --------------------------------------------------------------- assignment
 
-    def make_sample_roads(self) -> None:
-        """Make the sockets of a new flight, to each instance of a row that gets samples."""
+    def make_sample_sockets(self) -> None:
+        """Make a new flight's sockets for samples, to each instance of a row that gets them."""
         self._window_hz = self._mission.flight_settings.detection.frequency_window_hz
         flight = self._mission.flight
         if flight is not None and math.isfinite(flight.center_frequency_hz):
@@ -326,7 +323,7 @@ class Fleet:
         }
 
     def _fds_of(self, instance: Instance) -> tuple[int, ...]:
-        """Get the end where it receives, if it does, then those by which it sends."""
+        """Descriptors of an instance: where it receives, then those by which it sends."""
         row = instance.row
         fds = []
         if row.name in self._roads:
@@ -336,7 +333,7 @@ class Fleet:
         return tuple(fds)
 
     async def taken(self, topic: str, limit_s: float) -> bool:
-        """Wait until every process that says so has taken all records of a topic."""
+        """Wait until every process that reports it has taken all records of a topic."""
         deadline_s = monotonic_s() + limit_s
         takers = [i for i in self._instances.values() if i.row.says_taken]
         while any(instance.outbox.holds(topic) for instance in takers):
@@ -349,7 +346,7 @@ class Fleet:
         mission = self._mission
         in_flight_only = not instance.row.runs(SystemState.HAS_TAGS)
         settings = mission.flight_settings if in_flight_only else mission.settings
-        # What a process has not taken of an earlier flight comes before the present one.
+        # Untaken records of an earlier flight come before the present one.
         taken = instance.outbox.flight
         flight: FlightInfo | None = taken if instance.row.says_taken else mission.flight
         tags: tuple[Tag, ...] = flight.tags if flight else (*mission.tags.values(),)

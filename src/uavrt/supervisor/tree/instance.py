@@ -36,7 +36,7 @@ class Instance:
     """CPU time of its earlier children alone."""
     memory_mb: float = 0.0
     silence_reported: bool = False
-    """The operator knows that it is silent."""
+    """Whether its silence was reported to the operator."""
     tag_ids: tuple[int, ...] = ()
     """Tags whose pulses it finds, since its last start."""
     last_words: str = ""
@@ -78,7 +78,7 @@ class Instance:
         )
 
     def over_budget(self, now_s: float) -> str | None:
-        """Compare what it used lately with its row; a text when it is too much."""
+        """Compare its recent usage with its row; a text when it is too much."""
         child = self.child
         if child is None:
             return None
@@ -90,7 +90,7 @@ class Instance:
 def self_status(
     state: SystemState, instances: Iterable[Instance], usage: Usage, counters: dict[str, float]
 ) -> ProcessStatus:
-    """Describe the supervisor itself, with what its outboxes had to drop."""
+    """Describe the supervisor itself, with the records that its outboxes dropped."""
     return ProcessStatus(
         process="supervisor",
         running=True,

@@ -1,8 +1,7 @@
-"""Other shapes of the table of processes: which stage runs in which process.
+"""Variants of the table of processes: which stage runs in which process.
 
-The stages and the rest of the code are the same in each. `PROCESSES` is the one that flies;
-``one`` is for a computer with a single core. ``uavrt experiment resources --shapes`` compares
-what the borders between processes cost.
+The stages are the same in each. `PROCESSES` is the one that flies; ``one`` is for a computer
+with a single core. ``uavrt experiment resources --shapes`` compares their cost.
 """
 
 from dataclasses import replace
@@ -36,5 +35,5 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
 
 
 def rows_for(settings: Settings) -> tuple[ProcessRow, ...]:
-    """Get the rows that these settings ask for."""
+    """Get the rows for these settings."""
     return tuple(row for row in SHAPES[settings.detection.shape] if row.configured(settings))

@@ -1,4 +1,4 @@
-"""Tell systemd that the system is ready and alive (sd_notify(3)); nothing without systemd."""
+"""Reports to systemd that the system is ready and alive (sd_notify(3)), if it runs under it."""
 
 import contextlib
 import os
@@ -20,11 +20,11 @@ class SystemdNotifier:
         self._send("READY=1")
 
     def alive(self, status: str) -> None:
-        """Report that the main loop turns, and what the system does."""
+        """Report that the main loop runs, and what the system does."""
         self._send(f"WATCHDOG=1\nSTATUS={status}")
 
     def stopping(self) -> None:
-        """Report that the end was asked for."""
+        """Report that the end was commanded."""
         self._send("STOPPING=1")
 
     def close(self) -> None:
@@ -33,14 +33,14 @@ class SystemdNotifier:
             self._sock.close()
 
     def _send(self, state: str) -> None:
-        """Send, or leave it: a manager that is gone or busy never stops a flight."""
+        """Send, ignoring a manager that is gone or busy."""
         if self._sock is not None:
             with contextlib.suppress(OSError):
                 self._sock.sendto(state.encode(), socket.MSG_DONTWAIT, self._address)
 
 
 def _watchdog_s() -> float | None:
-    """Half of systemd's watchdog time, when it is meant for this process."""
+    """Half of systemd's watchdog time [s], when it is meant for this process."""
     microseconds = os.environ.get("WATCHDOG_USEC", "")
     pid = os.environ.get("WATCHDOG_PID", str(os.getpid()))
     if not microseconds.isdigit() or pid != str(os.getpid()):

@@ -1,8 +1,8 @@
 """The table of processes: the shape of the drone side.
 
 One row a process. Start order, stop order (reverse), routing of records, silence limits and
-budgets derive from here; rows stand in start order, consumers before their producers, so that
-nothing is sent to nobody. Modules are named by string: the table imports none of them.
+budgets derive from it; consumers stand before their producers, so that they run first. Modules
+are named by string: the table imports none of them.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ def while_detecting(state: SystemState) -> bool:
 
 
 def while_receiving(state: SystemState) -> bool:
-    """Run while the radio is wanted: for detection or for a raw capture."""
+    """Run while the radio is needed: for detection or for a raw capture."""
     return state in (SystemState.DETECTING, SystemState.CAPTURING)
 
 
@@ -36,22 +36,22 @@ def on_every_drone(settings: Settings) -> bool:
 
 
 def with_bearings_on_drone(settings: Settings) -> bool:
-    """Run where bearings are wanted on the drone."""
+    """Run if the settings ask for bearings on the drone."""
     return settings.bearings.on_drone
 
 
 def with_integration_on_drone(settings: Settings) -> bool:
-    """Run where the flight is judged on the drone, by the channels that it keeps."""
+    """Run if the settings ask for judging the flight on the drone, by its kept channels."""
     return settings.integration.on_drone and settings.recording.channels
 
 
 def with_ros2(settings: Settings) -> bool:
-    """Run where the gateway to ROS 2 is asked for."""
+    """Run if the settings ask for the gateway to ROS 2."""
     return settings.ros2.enabled
 
 
 def with_guide(settings: Settings) -> bool:
-    """Run where orders of motion are allowed."""
+    """Run if the settings allow motion commands."""
     return settings.guidance.enabled
 
 
@@ -67,27 +67,27 @@ class ProcessRow:
     """Topics that the supervisor passes on to it."""
     produces: tuple[str, ...]
     configured: Callable[[Settings], bool] = on_every_drone
-    """Whether these settings ask for it at all."""
+    """Whether these settings need it at all."""
     backlog: int | None = None
-    """Most records of a topic that are queued for it, also of topics that are lossless for
-    others. Give more than arrive at once: groups of a hundred tags have hundreds of pulses."""
+    """Most records of a topic that are queued for it, also of otherwise lossless topics. Give
+    more than arrive at once: groups of a hundred tags have hundreds of pulses."""
     says_taken: bool = False
-    """Says by `taken` how far it is; what it has not taken goes to its successor again."""
+    """Whether it reports its progress by `taken`; the rest is sent again to its successor."""
     per_worker: bool = False
-    """One instance for each detector worker."""
+    """Whether there is one instance for each detector worker."""
     samples_to: str | None = None
     """Row that gets samples from it, each instance by a socket of its own."""
     silence_limit_s: float = 5.0
-    """Alive but silent for longer counts as dead. Every process speaks once a second."""
+    """Silence after which a process is killed [s]; each reports once a second."""
     start_limit_s: float = 20.0
-    """The same for the first word, which comes after the imports."""
+    """Longest wait for the first report, which comes after the imports [s]."""
     restart: RestartPolicy = SOON
-    """When it is started again after it has ended by itself."""
+    """Policy for restarts after it has ended by itself."""
     cpu_budget_percent: float
-    """Of one core of the reference machine, with 100 tags."""
+    """Budget in percent of one core of the reference machine, with 100 tags."""
     memory_limit_mb: float
     stop_timeout_s: float = 5.0
-    """From SIGTERM to SIGKILL."""
+    """Time from SIGTERM to SIGKILL [s]."""
 
 
 PROCESSES: tuple[ProcessRow, ...] = (
@@ -116,7 +116,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         says_taken=True,
         cpu_budget_percent=2.0,
         memory_limit_mb=60.0,
-        # A memory card may take seconds over an fsync; killing the writer would not hurry it.
+        # A memory card may need seconds for an fsync; killing the writer would not help.
         silence_limit_s=8.0,
     ),
     ProcessRow(

@@ -1,11 +1,10 @@
 """Records waiting to be sent to one process; the queue outlives the process.
 
-Lossless lines are kept however long the process is away. Of the other topics the newest are
-kept and the rest counted.
+Lossless records are kept however long the process is away; of other topics the newest are kept
+and the rest counted.
 
-What a process was sent may die with it: unread in its socket, or read and not yet on the disk.
-Of a process that says how far it is (`ProcessRow.says_taken`), that is kept here as well, and
-its successor gets it again.
+A process may die with records that were sent: unread, or not yet on the disk. If it reports its
+progress (`ProcessRow.says_taken`), these are kept and sent again to its successor.
 """
 
 import socket
@@ -16,10 +15,9 @@ from uavrt.messages import FlightInfo
 
 BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
-"""Lines kept beside those that are to be sent: 10 MB, half an hour of a disk that fails."""
+"""Most lines kept in addition to waiting ones: 10 MB, half an hour of a disk that fails."""
 BARREN_LIVES = 3
-"""Ends by a fault of its own, each before it had taken anything, and what was kept is given up:
-one of these lines may be what ends it."""
+"""Ends without progress after which kept lines are dropped, as one of them may be the cause."""
 
 Line = tuple[str, bytes]
 """Topic and the whole line."""
@@ -28,8 +26,8 @@ Line = tuple[str, bytes]
 class Outbox:
     """Lines for one process instance, in order.
 
-    `backlog`: keep no more lines of any topic than this; see `ProcessRow.backlog`.
-    `keeps`: keep what was sent until the process has taken it.
+    `backlog`: most lines of any topic; see `ProcessRow.backlog`. `keeps`: keep what was sent
+    until the process has taken it.
     """
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
@@ -37,12 +35,12 @@ class Outbox:
         self._keeps = keeps
         self._lines: deque[Line] = deque()
         self._kept: deque[Line] = deque()
-        """Sent to the present process, and not yet taken by it."""
+        """Lines sent to the present process, and not yet taken by it."""
         self._taken = 0
-        """Of what the present process was sent, including what is not kept any more."""
+        """Number of lines that the present process has taken, kept or not."""
         self._barren = 0
         self._flight: bytes | None = None
-        """The flight that was in progress when the first line that is kept or waits was put."""
+        """The flight in progress when the first line that is kept or waits was put."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
         """Bytes of the first line that the present process has already got."""
@@ -53,7 +51,7 @@ class Outbox:
 
     @property
     def flight(self) -> FlightInfo | None:
-        """The flight to which the first line belongs that is not taken."""
+        """The flight of the first line that is not taken."""
         return None if self._flight is None else decode_record(self._flight)[1]
 
     def holds(self, name: str) -> bool:
@@ -83,13 +81,13 @@ class Outbox:
         self._written = 0
 
     def taken(self, count: int) -> None:
-        """Take the word of the present process how many lines it has dealt with."""
+        """Handle the present process's report of how many lines it has taken."""
         while self._taken < count and self._kept:
             self._taken += 1
             self._leave(*self._kept.popleft())
 
     def process_ended(self, *, by_itself: bool) -> None:
-        """Have what the process has not taken sent again, before all that waits."""
+        """Queue the lines that the process has not taken, before all that waits."""
         self._barren = self._barren + 1 if by_itself and not self._taken else 0
         self._taken = 0
         if self._barren >= BARREN_LIVES:
@@ -125,7 +123,7 @@ class Outbox:
             self._taken += 1
 
     def _next_bytes(self) -> bytes:
-        """Join what goes into one call: a burst of pulses wakes the receiver once."""
+        """Join lines for one call: a burst of pulses wakes the receiver once."""
         size, lines = 0, []
         for _, line in self._lines:
             lines.append(line)
@@ -140,7 +138,7 @@ class Outbox:
         self._leave(name, line)
 
     def _leave(self, name: str, line: bytes) -> None:
-        """A line is done with: what follows belongs to the flight that it began or ended."""
+        """Drop a line; the next ones belong to the flight that it began or ended."""
         if name == "flight":
             self._flight = line
         elif name == "flight_end":
@@ -148,7 +146,7 @@ class Outbox:
 
     def _drop_oldest(self, name: str) -> None:
         for index, (topic, _) in enumerate(self._lines):
-            # The first line may be half written; it stays whole.
+            # The first line may be partly written, so it stays.
             if topic == name and not (index == 0 and self._written):
                 del self._lines[index]
                 self._waiting[name] -= 1
