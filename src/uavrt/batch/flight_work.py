@@ -209,12 +209,12 @@ def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
     """Judge each tag whose channel was kept by the whole flight; and what could not be."""
-    from uavrt.analysis.flown_with import antenna_is_told
+    from uavrt.analysis.flown_with import antenna_is_recorded
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
     from uavrt.analysis.whole_flight import JudgeAs
 
-    assumed = task.settings.antenna is None and not antenna_is_told(flight)
+    assumed = task.settings.antenna is None and not antenna_is_recorded(flight)
     elevation = _elevation(task.settings.dem, task.settings.sea)
     how = JudgeAs(pattern=pattern_named(antenna), antenna_assumed=assumed, elevation=elevation)
     channels = kept_channels(Path(flight.info.directory))

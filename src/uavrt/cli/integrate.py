@@ -259,7 +259,7 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
 
     And whether it is assumed, as nobody told.
     """
-    from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
+    from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
     if asked is not None:
@@ -270,7 +270,7 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
             f"the flights had different antennas: {', '.join(own)}",
             remedy="Judge those of one antenna together, or name one --antenna for all",
         )
-    return own[0], not all(map(antenna_is_told, flown))
+    return own[0], not all(map(antenna_is_recorded, flown))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -139,8 +139,8 @@ class HillLosses:
             float(np.max(np.abs(np.asarray(north_m) + here[1]))),
         )
 
-    def told(self) -> tuple[str, ...]:
-        """What an operator must know of the ground as it was laid."""
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on how the ground model differs from the ground."""
         if self.level:
             return (
                 *self.limitations,

@@ -107,7 +107,7 @@ def bayes_position(
 
 def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
     """What the elevation files do not tell."""
-    told = () if known.hills is None else known.hills.told()
+    told = () if known.hills is None else known.hills.cautions()
     return tuple(Caution(name="ground", text=text) for text in told)
 
 
