@@ -202,7 +202,7 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
 
 
 def _between(points: NDArray[np.float32], row: _Floats, column: _Floats) -> _Floats:
-    """Bilinear interpolation; unknown where the nearest point is, others without height are
+    """Bilinear interpolation; unknown where the nearest point is, else unknown points are
     ignored.
     """
     rows, columns = points.shape
