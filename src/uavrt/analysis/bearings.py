@@ -1,4 +1,4 @@
-"""From flights and pulse logs, each read once, to bearings."""
+"""Bearings from flights and pulse logs, each file read once."""
 
 import os
 from collections.abc import Callable, Hashable, Sequence
@@ -38,22 +38,24 @@ NO_BEARINGS_FROM_THESE = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recorded:
-    """A flight or a pulse log as it was read."""
+    """A flight or pulse log as read from disk."""
 
     path: Path
     log: PulseLog
     flight: Flight | None
-    """None of a log."""
+    """The flight; None for a pulse log."""
 
     @property
     def name(self) -> str:
-        """Flight or log, and the vehicle if a ground station noted it, for the operator."""
+        """Name of the flight or log for the operator, with the vehicle if a ground station
+        noted it.
+        """
         vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
         return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
 
     @property
     def antenna(self) -> str:
-        """Name of the pattern that it was taken with; without headings an upright whip.
+        """Name of the antenna pattern; an upright whip for a log without headings.
 
         Raises `UsageError`: the drone's antenna is not known here.
         """
@@ -62,9 +64,10 @@ class Recorded:
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the antenna for bearings; a log that does not say has the usual one.
+        """Name of the antenna pattern for bearings; the usual one for a log that does not name
+        it.
 
-        Raises `UsageError`: it was a whip, or is not known here.
+        Raises `UsageError`: the antenna is a whip, or is not known here.
         """
         if self.flight is None:
             return USUAL_ANTENNA
@@ -76,16 +79,16 @@ class Recorded:
         return self.antenna
 
     def heard(self, antenna: str) -> Heard:
-        """What it holds in columns; raises `UsageError` where no pulse has a pose."""
+        """Pulses and poses in columns; raises `UsageError` where no pulse has a pose."""
         if self.flight is not None:
             return heard_in_flight(self.flight, name=self.name, antenna=antenna)
         return Heard.of_records(self.log.pulse_poses, name=self.name, antenna=antenna)
 
 
 def read_recorded(path: str | os.PathLike[str]) -> Recorded:
-    """Read a flight directory or a pulse log in any format we know, once.
+    """Read a flight directory or a pulse log in any known format.
 
-    Raises `FormatError`: it is none of them.
+    Raises `FormatError`: the path holds neither.
     """
     place = Path(path)
     if place.name == "flight.sqlite":
@@ -104,7 +107,7 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """Put a flight into columns, with its own pulses or others; raises `UsageError`."""
+    """Put a flight into columns, with its own pulses or the given ones; raises `UsageError`."""
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -120,13 +123,13 @@ def read_bearings(
     how: ReadAs | None = None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagBearing]:
-    """Estimate the bearings of flights or pulse logs, which teach each other's pattern.
+    """Estimate the bearings of flights or pulse logs; turns of one antenna share a learnt
+    pattern.
 
-    `*paths`: flight directories, or logs in any format we know; those of one antenna go
-    together.
-    `how`: how they are read. The method ``pattern_ml`` corrects the pattern by what the turns
-    show, those of past flights included.
-    `warn`: called with what taught the pattern, where that is more than one flight.
+    `*paths`: flight directories, or logs in any known format, all of one antenna.
+    `how`: how they are read. The method ``pattern_ml`` corrects the pattern by all turns, those
+    of past flights included.
+    `warn`: called with the origin of the pattern where more than one flight contributed.
     Raises `FormatError`: one of them is neither flight nor log.
     Raises `UsageError`: no pulse has a pose, or method or antenna is unknown.
     """
@@ -166,9 +169,9 @@ def bearings_together(
 
 
 MOST_PAST_FLIGHTS = 6
-"""Past flights that are looked into: each costs about as much as the flight itself."""
+"""Most past flights read for the pattern; each costs about as much as the flight itself."""
 ENOUGH_TURNS = 12
-"""More turns teach a pattern little."""
+"""Turns at which a learnt pattern hardly improves any more."""
 
 
 def past_turns(
@@ -178,20 +181,20 @@ def past_turns(
     *,
     besides: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
-    """What was heard in turns of the same drone's past flights with the same antenna.
+    """Pulses of turns in the same drone's past flights with the same antenna.
 
-    Those in the same folder, the newest first, until there are turns enough. A past flight that
-    cannot be read, or is another drone's, teaches nothing. Past are those before it in the
-    order that was noted, and where none was, those that began earlier.
+    Flights in the same folder are read, newest first, until there are enough turns. Flights
+    that cannot be read, or are another drone's, are skipped. Past flights are those before it
+    in the noted order, or else those that began earlier.
 
     `offset_deg`: boresight clockwise from the heading that the pulses carry.
-    `besides`: flights that teach anyway.
+    `besides`: flights that contribute in any case.
     """
     place = Path(flight.info.directory).resolve()
     names = {Path(one.info.directory).resolve().name for one in besides}
     before = flown_before(place)
-    beside = flights_in_order(place.parent) if before is None else before
-    others = [path for path in beside if flown_name(path.name) != flown_name(place.name)]
+    neighbours = flights_in_order(place.parent) if before is None else before
+    others = [path for path in neighbours if flown_name(path.name) != flown_name(place.name)]
     past = [path for path in others if path.name not in names]
     found: list[list[HeardInTurn]] = []
     for path in reversed(past[-MOST_PAST_FLIGHTS:]):
@@ -210,14 +213,14 @@ def past_turns(
 
 
 def _set_up(flight: Flight) -> tuple[Hashable, ...]:
-    """Drone, antenna and mounting, as far as the flight has them."""
+    """Drone, antenna and mounting, as far as the flight records them."""
     settings = flight_settings(flight)
     mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
     return vehicle_of(flight.notes), mounted
 
 
 def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """What taught the pattern, where that is more than one flight and enough."""
+    """Sentence on the flights that the pattern was learnt from; empty for a single flight."""
     turns = teaching(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < LEAST_TURNS:
@@ -226,7 +229,7 @@ def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
 
 
 def check_bearing_method(method: str) -> None:
-    """Refuse an unknown method, also where no turn was flown; raises `UsageError`."""
+    """Reject an unknown bearing method even where no turn was flown; raises `UsageError`."""
     known = [*get_args(BearingMethod), *ADDED_METHODS]
     if method not in known:
         raise UsageError(
@@ -235,9 +238,10 @@ def check_bearing_method(method: str) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct a pattern by the turns of a flight or log: the antenna as it is on this airframe.
+    """Correct an antenna pattern by the turns of a flight or log, for the antenna on this
+    airframe.
 
-    The antenna is turned by an offset clockwise from the heading that the pulses carry.
+    `offset_deg`: antenna clockwise from the heading that the pulses carry.
 
     Raises `UsageError`: it has fewer than three turns past a tag.
     """

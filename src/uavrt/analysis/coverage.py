@@ -1,4 +1,4 @@
-"""Maps of where a tag is heard: their ground, outlines, and a plan before its flight."""
+"""Maps of where a tag would be heard: the ground, outlines, and plans before a flight."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,13 +26,13 @@ from uavrt.terrain.squares import GroundGrid, ground_grid
 _Floats = NDArray[np.float64]
 _Places = tuple[tuple[float, float], ...]
 _ELSEWHERE_M = 50e3
-"""An outline so far beyond the map is not of this ground."""
+"""Outlines farther than this from the map belong to other ground [m]."""
 MOST_PULSES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """The map: its ground, and what the elevation files do not tell of it."""
+    """The map's grid and ground, and notes on missing elevation data."""
 
     ground: GroundGrid
     hills: bool
@@ -41,16 +41,16 @@ class MapArea:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapSize:
-    """How far a map reaches beyond a way, and its cells."""
+    """Extent of a map beyond the flown path, and its cell size."""
 
     margin_m: float = 2000.0
     cell_m: float = 20.0
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read the way of a plan; of an area, the lines of its survey.
+    """Read the path of a plan; for an area, the lines of its survey.
 
-    Returns: `corners`: each (east, north); in the plane [m].
+    Returns: `corners`: (east, north) of each corner in the plane [m].
     Raises `FormatError`: the file holds neither.
     Raises `PlanError`: the area cannot be surveyed.
     """
@@ -62,7 +62,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
 
 
 def corners_of_way(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay a way, of latitudes and longitudes [deg], in a plane; returns as `read_places`."""
+    """Convert a path of latitudes and longitudes [deg] to a plane; returns as `read_places`."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)
@@ -72,9 +72,9 @@ def corners_of_way(places: _Places) -> tuple[TangentPlane, list[tuple[float, flo
 def corners_over_area(
     outline: _Places, spacing_m: float, *, most: int | None = None
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Lay the lines of a survey over an outline; returns as `read_places`.
+    """Lay survey lines over an outline; returns as `read_places`.
 
-    `outline`: each (latitude, longitude); its corners [deg].
+    `outline`: latitude and longitude of each corner [deg].
     `spacing_m`: between the lines.
     `most`: lines.
     Raises `PlanError`: the area cannot be surveyed, or takes more lines.
@@ -91,7 +91,7 @@ def assumed_tag(
     interval_s: float = 1.254,
     k: int = 3,
 ) -> Tag:
-    """Make a tag for maps of a plan without a list."""
+    """Make a typical tag for maps of a plan without a tag list."""
     return Tag(
         tag_id=2,
         frequency_hz=frequency_hz,
@@ -104,9 +104,9 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Read an outline into a plane.
+    """Read one outline into plane coordinates.
 
-    Raises `FormatError`: the file holds none, or several.
+    Raises `FormatError`: the file holds no outline, or several.
     """
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
@@ -115,9 +115,9 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 
 
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
-    """Cells of a map in a polygon.
+    """Mask of the map's cells that lie in a polygon.
 
-    Raises `UsageError`: there are none.
+    Raises `UsageError`: no cell lies in it.
     """
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
@@ -153,7 +153,7 @@ def map_around(
     elevation: Elevation | None,
     size: MapSize,
 ) -> MapArea:
-    """Lay a map around a way.
+    """Lay a map around a flown or planned path.
 
     Raises `UsageError`: it has too many cells.
     Raises `FormatError`: a file of heights is damaged.
@@ -206,9 +206,9 @@ def plan_coverage(
     level_sigma_db: float,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Compute what a way would hear that is flown at one height above the ground.
+    """Probability of detection around a planned path at one height above the ground.
 
-    Raises `UsageError`: the way is too long.
+    Raises `UsageError`: the path is too long.
     """
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = listening_way(
@@ -222,7 +222,7 @@ def plan_coverage(
 
 
 def pulses_on(corners_m: list[tuple[float, float]], tag: Tag, speed_m_s: float) -> float:
-    """About how many pulses of a tag come along a way that is flown at a speed."""
+    """Approximate number of pulses that a tag sends while a path is flown at a given speed."""
     length_m = float(np.hypot(*np.diff(np.array(corners_m, np.float64), axis=0).T).sum())
     return length_m / (speed_m_s * tag.pulse_intervals_s[0]) + 1.0
 
@@ -236,7 +236,7 @@ def _check_pulses(count: float, tag: Tag) -> None:
 
 
 def has_boresight(pattern: AntennaPattern | None) -> bool:
-    """Whether the heading matters: not to an upright whip."""
+    """True if the antenna's heading matters; false for an upright whip."""
     return pattern is not None and pattern.name != MONOPOLE
 
 
@@ -253,7 +253,7 @@ def covered_by(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    """Compute what a way hears; raises `UsageError` where it is too long."""
+    """Compute coverage along a path; raises `UsageError` where it is too long."""
     _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(
@@ -280,5 +280,5 @@ def covered_by(
 
 
 def best_of(covered: Sequence[Coverage]) -> int:
-    """Number of the map with the greatest mean probability."""
+    """Index of the map with the greatest mean probability."""
     return int(np.argmax([one.mean for one in covered]))

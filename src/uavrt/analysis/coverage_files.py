@@ -1,4 +1,4 @@
-"""Write maps of where a tag is heard, or would have been, as GeoTIFF and PNG."""
+"""Write coverage maps as GeoTIFF and PNG."""
 
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -18,12 +18,12 @@ from uavrt.recording.formats.whole_file import write_whole
 def write_maps(
     directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a map as GeoTIFF (probabilities) and PNG (a picture).
+    """Write a map as GeoTIFF (probabilities) and PNG (picture).
 
-    The picture is that of a report, and without matplotlib the map's squares alone.
+    The picture looks as in a report; without matplotlib it shows the map's squares alone.
 
-    `directory`, `name`: where, and how the files are called before their endings.
-    `way`: each (longitude, latitude); where the drone flies or flew [deg].
+    `directory`, `name`: folder, and file name without ending.
+    `way`: longitude and latitude of each corner of the flown path [deg].
     Raises `RecordingError`: they cannot be written.
     """
     ground = coverage.ground
@@ -46,7 +46,7 @@ def write_maps(
 
 
 def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """A map as a report draws it; without what draws reports its squares alone."""
+    """PNG of a map as in a report; without matplotlib only its squares."""
     if find_spec("matplotlib") is None:
         return png_bytes(chance(coverage.heard[::-1]))
     from uavrt.analysis.report.silences import coverage_png
@@ -57,11 +57,12 @@ def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write maps as GeoTIFF and PNG, by tag; those of tags that have none now are removed.
+    """Write coverage maps of tags not found as GeoTIFF and PNG; remove files of other judged
+    tags.
 
-    `flight`: whose way is drawn.
-    `maps`: of `silent_maps`.
-    `tag_ids`: of all that were judged.
+    `flight`: whose path is drawn.
+    `maps`: from `silent_maps`, by tag.
+    `tag_ids`: all judged tags.
     Raises `RecordingError`: they cannot be written.
     """
     for tag_id in set(tag_ids) - set(maps):

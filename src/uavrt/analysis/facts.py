@@ -7,7 +7,7 @@ serves all flights of a season::
     aircraft = "HolyBro X500, N12345"
     permit = "FWC-2026-118"
     species = "Lynx lynx"
-    time_zone = "Europe/Zurich"                     # times are told in it besides UTC
+    time_zone = "Europe/Zurich"                     # times are given in it besides UTC
     altitude_datum = "LN02"                         # what altitudes above sea level refer to
 """
 
@@ -30,7 +30,7 @@ MOST_LETTERS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """The file's fields; None where nothing was told."""
+    """Fields of a report.toml; None where not set."""
 
     operator: str | None = None
     aircraft: str | None = None
@@ -41,42 +41,42 @@ class Facts:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What the report prints below its title."""
-        told = (
+        """Lines printed below the report's title."""
+        labelled = (
             ("Operator", self.operator),
             ("Aircraft", self.aircraft),
             ("Permit", self.permit),
             ("Species", self.species),
             ("Altitudes", self.altitude_datum),
         )
-        return tuple(f"{name}: {text}" for name, text in told if text is not None)
+        return tuple(f"{name}: {text}" for name, text in labelled if text is not None)
 
     def local_time(self, time_ns: int) -> str | None:
-        """A time as clocks at the place show it; None without a time zone."""
+        """Local time at the site; None without a time zone."""
         if self.time_zone is None:
             return None
         return f"{_utc(time_ns).astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
 
     def clock(self, time_ns: int) -> str:
-        """A time of day for a table: UTC, and behind it that of clocks at the place."""
+        """Time of day for a table: UTC, then local time."""
         local = self.local_time(time_ns)
-        told = f"{_utc(time_ns):%H:%M:%S}"
-        return told if local is None else f"{told} ({local.split()[1]})"
+        utc = f"{_utc(time_ns):%H:%M:%S}"
+        return utc if local is None else f"{utc} ({local.split()[1]})"
 
     def clock_in_words(self, time_ns: int) -> str:
-        """A time of day for a sentence, with the names of its zones."""
+        """Time of day for a sentence, with the names of its zones."""
         local = self.local_time(time_ns)
-        told = f"{_utc(time_ns):%H:%M:%S} UTC"
-        return told if local is None else f"{told} ({local.partition(' ')[2]})"
+        utc = f"{_utc(time_ns):%H:%M:%S} UTC"
+        return utc if local is None else f"{utc} ({local.partition(' ')[2]})"
 
     def zones(self, time_ns: int) -> str:
-        """Of which zones `clock` tells the time, for the head of a column."""
+        """Names of the zones that `clock` prints, for a column's heading."""
         local = self.local_time(time_ns)
         return "UTC" if local is None else f"UTC ({local.split()[2]})"
 
 
 def facts_path(flight: Path) -> Path | None:
-    """Find the file with the facts of a flight or log; None if there is none."""
+    """Path of a flight's or log's report.toml; None if there is none."""
     inside = flight / NAME if flight.is_dir() else flight.parent / NAME
     return next((path for path in (inside, flight.parent / NAME) if path.is_file()), None)
 
@@ -84,7 +84,7 @@ def facts_path(flight: Path) -> Path | None:
 def facts_of(flight: Path) -> Facts:
     """Read the facts of a flight.
 
-    Raises `ConfigError`: the file is damaged, or has a field that is none; the text says which.
+    Raises `ConfigError`: the file is damaged or has an unknown field; the text names it.
     """
     path = facts_path(flight)
     if path is None:
@@ -93,26 +93,26 @@ def facts_of(flight: Path) -> Facts:
 
 
 def read_facts(path: Path) -> Facts:
-    """Read a file of facts; raises as `facts_of` does."""
+    """Read a report.toml; raises as `facts_of` does."""
     try:
         text = read_file(path, SETTINGS).decode()
         check_toml(text, SETTINGS)
-        told = tomllib.loads(text)
+        fields = tomllib.loads(text)
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read: {error}", remedy="Correct it") from error
-    return _judged(told, path)
+    return _judged(fields, path)
 
 
 def write_facts(folder: Path, facts: Facts) -> None:
-    """Write the file of all flights in a folder that have none of their own.
+    """Write the report.toml for all flights in a folder that have none of their own.
 
     Raises `ConfigError`: a field is wrong, or the file cannot be written.
     """
     path = folder / NAME
-    told = {name: text for name, text in asdict(facts).items() if text is not None}
-    _judged(told, path)
+    fields = {name: text for name, text in asdict(facts).items() if text is not None}
+    _judged(fields, path)
     # A string of JSON is one of TOML, too.
-    written = {name: json.dumps(text, ensure_ascii=False) for name, text in told.items()}
+    written = {name: json.dumps(text, ensure_ascii=False) for name, text in fields.items()}
     lines = [f"{name} = {text}\n" for name, text in written.items()]
     try:
         write_atomically(path, "".join(lines))
@@ -120,9 +120,9 @@ def write_facts(folder: Path, facts: Facts) -> None:
         raise ConfigError(f"cannot write {path}: {error.strerror}") from error
 
 
-def _judged(told: dict[str, Any], path: Path) -> Facts:
+def _judged(entries: dict[str, Any], path: Path) -> Facts:
     known = [field.name for field in fields(Facts)]
-    for name, text in told.items():
+    for name, text in entries.items():
         if name not in known:
             raise ConfigError(
                 f"{path}: there is no field {name!r}", remedy=f"Choose from {', '.join(known)}"
@@ -131,7 +131,7 @@ def _judged(told: dict[str, Any], path: Path) -> Facts:
             raise ConfigError(
                 f"{path}: {name} is not text", remedy=f"At most {MOST_LETTERS} letters, quoted"
             )
-    found = Facts(**told)
+    found = Facts(**entries)
     try:
         found.local_time(0)
     except (OSError, ValueError, KeyError) as error:

@@ -1,8 +1,8 @@
-"""Which of many flights are copies of one: the drone's own record and ground stations'.
+"""Find copies of one flight: the drone's own record and those of ground stations.
 
-Two records with pulses are copies by these. A record without any has only its times. The time
-that the search takes grows with the number of flights, also of thousands whose clocks all begin
-in 1970: each is compared with those that share some pulses chosen at random, or its span.
+Records with pulses are compared by these, records without by their times. To keep the time
+proportional to the number of flights, each is compared only with flights that share some
+randomly chosen pulses, or its span.
 """
 
 from bisect import bisect_left, bisect_right
@@ -17,27 +17,27 @@ from uavrt.errors import FormatError
 from uavrt.recording.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Share of the pulses of the shorter copy that the other has, too: the ground station may have
-come late."""
+"""Least share of the shorter copy's pulses that the longer one must have; a ground station may
+connect late."""
 _SAME_NS = 500_000
-"""A start that came over the link keeps no nanoseconds."""
+"""Tolerance of pulse starts [ns]: a start received over the link has lost its nanoseconds."""
 SAME_LEVEL_DB = 0.1
-"""Of a pulse in two copies of a flight, at most; two drones differ by some 5 dB."""
+"""Largest level difference of one pulse in two copies [dB]; two drones differ by some 5 dB."""
 SAME_SPAN = 0.9
-"""Of two flights without pulses, of the longer: they are the same, if they can be."""
+"""Least overlap of two flights without pulses, as a share of the longer."""
 _PROBES = 32
 """Pulses of a flight that are looked up in all others. Of the least alike copies, a quarter of
 whose pulses agree in time and level, one pair in 900 shares less than two of them."""
 _FEW = 8
-"""A flight with fewer pulses than this is compared where one of them agrees."""
+"""Flights with fewer pulses than this are compared when a single pulse agrees."""
 
 CopiesOfFlight = tuple[FlightOutline, ...]
-"""A flight's copies, the one with the most pulses first."""
+"""Copies of one flight, the one with the most pulses first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pulses:
-    """Confirmed pulses of a flight, by tag and time."""
+    """A flight's confirmed pulses by tag and time."""
 
     tag_id: NDArray[np.int64]
     start_ns: NDArray[np.int64]
@@ -48,7 +48,7 @@ class _Pulses:
 
 
 def without_copies(outlines: Sequence[FlightOutline]) -> list[CopiesOfFlight]:
-    """Put copies of one flight together, in the order of their starts."""
+    """Group the copies of each flight, in the order of their starts."""
     outlines = sorted(outlines, key=lambda one: one.info.start_time_ns)
     pulses = {
         number: found
@@ -79,7 +79,7 @@ def without_copies(outlines: Sequence[FlightOutline]) -> list[CopiesOfFlight]:
 
 
 def _overlapping(outlines: Sequence[FlightOutline]) -> list[int]:
-    """Find the flights with pulses at the time of another one with some."""
+    """Flights with pulses at the same time as another one's."""
     heard = [number for number, one in enumerate(outlines) if one.pulses]
     # Floats: a damaged flight may have times that no whole number of 64 bits holds.
     starts = np.array([float(outlines[number].info.start_time_ns) for number in heard])
@@ -91,7 +91,7 @@ def _overlapping(outlines: Sequence[FlightOutline]) -> list[int]:
 
 
 def _pulses_of(outline: FlightOutline) -> _Pulses | None:
-    """Read a flight's pulses; None of a damaged one, of which nothing is known."""
+    """Read a flight's pulses; None for a damaged flight."""
     try:
         found = sorted(read_pulse_levels(outline.directory).items())
     except FormatError:
@@ -102,7 +102,7 @@ def _pulses_of(outline: FlightOutline) -> _Pulses | None:
 
 
 def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]:
-    """Find pairs of flights that share several pulses of some of one of them."""
+    """Pairs of flights that share several of the sampled pulses."""
     if not pulses:
         return
     numbers, rng = [*pulses], np.random.default_rng(0)
@@ -134,10 +134,10 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Find pairs of flights, of which one has no pulse, that may be the same by their spans.
+    """Pairs of flights, at least one without pulses, whose spans allow them to be copies.
 
-    Two records of a drone are one only where they began in the same nanosecond: of thousands
-    whose clocks begin in 1970 those that did are few.
+    Two records of a drone are copies only if they began in the same nanosecond: many drone
+    clocks start in 1970.
     """
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
@@ -164,7 +164,7 @@ def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, in
 def _is_same(
     outlines: Sequence[FlightOutline], first: int, second: int, pulses: Mapping[int, _Pulses]
 ) -> bool:
-    """Whether two are copies of one flight: by their pulses, else by their times."""
+    """True if two are copies of one flight, by their pulses or else by their times."""
     one, other = outlines[first], outlines[second]
     begin = max(one.info.start_time_ns, other.info.start_time_ns)
     overlap = min(one.end_time_ns, other.end_time_ns) - begin
@@ -179,9 +179,9 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """Whether two records hold the same pulses: those of a tag within half a millisecond.
+    """True if two records hold the same pulses: those of a tag within half a millisecond.
 
-    Not by rounded times: pulses an exact interval apart all lie on a rounding's edge together.
+    Times are not rounded: pulses an exact interval apart could all lie on a rounding edge.
     """
     common = same = 0
     for tag_id in np.intersect1d(one.tag_id, other.tag_id):
@@ -199,20 +199,20 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """Whether one recorder wrote both, which writes each flight once; pulses know better.
+    """True if one recorder wrote both as separate flights; pulses are better evidence.
 
     A drone's recording is the same only if it began in the same nanosecond, in whatever folder.
-    Stations are told apart by the folder: two of them begin when they hear of a flight. So
-    flights of a clock that begins anew in 1970 at each start are not taken for one.
+    Stations are distinguished by folder, since each starts when it first receives a flight. So
+    flights of a clock that restarts in 1970 are not merged.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
-    beside = one.directory.parent == other.directory.parent
-    return one.of_ground == other.of_ground and (beside or not one.of_ground)
+    same_folder = one.directory.parent == other.directory.parent
+    return one.of_ground == other.of_ground and (same_folder or not one.of_ground)
 
 
 def may_be_one_vehicle(one: str | None, other: str | None) -> bool:
-    """Whether two are the same vehicle as far as is told; not every station names it."""
+    """True unless the recorded vehicle names differ; not every station records one."""
     if one is None or other is None:
         return True
     numbers, names = zip(*(each.partition(", ")[::2] for each in (one, other)), strict=True)

@@ -1,4 +1,4 @@
-"""Maps of where a tag would have been heard in a flight, of its poses and its noise."""
+"""Maps of where a tag would have been heard in a flight, from its poses and its noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -40,10 +40,10 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Compute what a flight would have heard of a tag, in groups of pulses or in all together.
+    """Probability that a flight would have heard a tag, by groups of pulses or by all together.
 
-    Pulses outside of `listened`, where that is known, could not be heard. All together are
-    judged as they were `searched`, where that is known.
+    Pulses outside of `listened`, where given, cannot be heard. All pulses together are judged
+    as they were `searched`, where given.
 
     Raises `UsageError`: the flight is too long.
     """
@@ -75,7 +75,7 @@ def frequency_window_hz(flight: Flight) -> float:
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Plane around a flight, and its way in it.
+    """Tangent plane around a flight, and its path in it.
 
     Raises `RecordingError`: it has no poses.
     """
@@ -96,9 +96,9 @@ def flown_way(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[ListeningWay, tuple[str, ...]]:
-    """Lay a tag's pulses along a flight, one for each interval, at heights above the ground.
+    """Place a tag's pulses along a flight, one for each interval, at heights above the ground.
 
-    Only those of the time that was listened to, where that is known.
+    Only times that were listened to are used, where those are known.
     """
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
@@ -113,8 +113,8 @@ def flown_way(
     known = poses.time_ns.astype(np.float64)
     place = area.ground.plane.to_local(poses.latitude_deg, poses.longitude_deg)
     east, north = (np.interp(time_ns, known, one) for one in place)
-    told = np.interp(time_ns, known, np.nan_to_num(poses.height_m, nan=0.0))
-    height, limitations = _above_ground(area, flight, east, north, told)
+    over_start_m = np.interp(time_ns, known, np.nan_to_num(poses.height_m, nan=0.0))
+    height, limitations = _above_ground(area, flight, east, north, over_start_m)
     after = np.clip(np.searchsorted(known, time_ns), 1, len(known) - 1)
     nearest = after - (time_ns - known[after - 1] <= known[after] - time_ns)
     return (
@@ -131,15 +131,15 @@ def flown_way(
 
 
 def _above_ground(
-    area: MapArea, flight: Flight, east: _Floats, north: _Floats, told_m: _Floats
+    area: MapArea, flight: Flight, east: _Floats, north: _Floats, over_start_m: _Floats
 ) -> tuple[_Floats, tuple[str, ...]]:
-    """Heights above the ground beneath, from those above the take-off."""
+    """Heights above the ground [m] from heights above the take-off."""
     ground = area.ground
     limitations: list[str] = []
     first = flight.poses[0]
     at = ground.plane.to_local([first.latitude_deg], [first.longitude_deg])
     start_m = float(ground(*at)[0])
-    height = start_m + told_m - ground(east, north)
+    height = start_m + over_start_m - ground(east, north)
     if area.hills:
         said_m = first.altitude_amsl_m - first.altitude_relative_m
         limitations += apart_in_words(start_m, said_m)

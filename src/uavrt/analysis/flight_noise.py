@@ -1,8 +1,7 @@
-"""How much noise the drone itself made in a flight, from what its detectors measured.
+"""Noise of the drone itself in a flight, from what its detectors measured.
 
-A receiver does not tell watts, so noise is told relative to the quietest that the same receiver
-had in the same flight: on the ground before take-off, with the motors off, or else the lowest
-tenth of the flight.
+A receiver does not measure watts. Noise is given relative to the quietest time of the same
+receiver in the same flight: on the ground with motors off, or else the lowest tenth.
 """
 
 from dataclasses import dataclass
@@ -17,31 +16,29 @@ from uavrt.recording.flight_reader import Flight, read_flight, read_search_repor
 
 _ON_GROUND_M = 2.0
 _LEAST = 3
-"""Values from which a median is one."""
+"""Least number of values for a median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightNoise:
-    """Noise of the drone over that of its receiver at rest."""
+    """Noise density with motors running, over that of the receiver at rest."""
 
     tag_id: NDArray[np.int64]
-    """(n,) on whose frequency it was measured."""
+    """(n,) tag on whose frequency it was measured."""
     time_ns: NDArray[np.int64]
-    """(n,)."""
     rise_db: NDArray[np.float64]
-    """(n,) over the quiet noise at that frequency."""
+    """(n,) noise over the quiet noise at that frequency [dB]."""
     in_the_air: NDArray[np.bool_]
-    """(n,)."""
     quiet: str
-    """What it is told relative to, in words."""
+    """Description of the quiet reference."""
 
     @property
     def median_db(self) -> float:
-        """Median of what was measured in the air."""
+        """Median rise measured in the air [dB]."""
         return float(np.median(self.rise_db[self.in_the_air]))
 
     def at(self, tag_id: int, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n,) rise [dB] for a tag at some times; the median where it was not measured."""
+        """(n,) rise [dB] for a tag at given times; the median where it was not measured."""
         own = self.tag_id == tag_id
         if not own.any():
             return np.full(len(time_ns), self.median_db)
@@ -50,28 +47,28 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Take a flight's noise from its search reports and pulses.
+    """Compute a flight's noise from its search reports and pulses.
 
     Raises `FormatError`: there is no flight.
-    Raises `RecordingError`: nothing of its noise is recorded in the air.
+    Raises `RecordingError`: no noise was recorded in the air.
     """
     flight = read_flight(directory) if flight is None else flight
-    told = [
+    measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)
     ] + [
         (one.pulse.tag_id, one.pulse.start_time_ns, one.pulse.noise_psd)
         for one in flight.pulse_poses
     ]
-    told = sorted({one for one in told if np.isfinite(one[2]) and one[2] > 0.0})
+    measured = sorted({one for one in measured if np.isfinite(one[2]) and one[2] > 0.0})
     poses = PoseColumns.of(flight.poses)
-    if not told or not len(poses.time_ns):
+    if not measured or not len(poses.time_ns):
         raise RecordingError(
             f"{directory} does not contain its noise level",
             remedy="Take a flight of uavrt in which a detector ran, with poses",
         )
-    tag_id = np.array([one[0] for one in told], np.int64)
-    time_ns = np.array([one[1] for one in told], np.int64)
-    psd_db = 10.0 * np.log10(np.array([one[2] for one in told]))
+    tag_id = np.array([one[0] for one in measured], np.int64)
+    time_ns = np.array([one[1] for one in measured], np.int64)
+    psd_db = 10.0 * np.log10(np.array([one[2] for one in measured]))
     height = np.interp(
         time_ns.astype(np.float64), poses.time_ns.astype(np.float64), poses.height_m
     )

@@ -1,9 +1,8 @@
-"""Judge a flight while it is flown, from the channels that it keeps.
+"""Judge a flight while it is in progress, from the channels that it keeps.
 
-The same judgement as after the flight (`uavrt.analysis.whole_flight`), of what has been heard
-so far; energies are measured once (`uavrt.integration.growing`). Each look at a flight is
-another chance to be wrong, so the k-th may be wrong with p / (k (k + 1)) only: these add up to
-p, however many looks there are (Boole's inequality).
+The judgement is that of `uavrt.analysis.whole_flight` on the samples so far; energies are
+measured once (`uavrt.integration.growing`). Each repetition is another chance of a false alarm.
+The k-th therefore uses p / (k (k + 1)), which add up to p (Boole's inequality).
 """
 
 from contextlib import closing
@@ -39,14 +38,14 @@ from uavrt.recording.flight_reader import read_flight
 
 
 class FlightSoFar:
-    """Judges tags of a flight that goes on; `directory` is the flight's."""
+    """Judges tags of a flight in progress; `directory` is the flight's."""
 
     def __init__(self, directory: Path, how: JudgeAs) -> None:
         self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 
     def judge(self, tag: Tag) -> IntegratedTag | None:
-        """Judge a tag by all that was heard so far; None if nothing new was, or too little.
+        """Judge a tag by all samples so far; None if there are too few or no new ones.
 
         Raises `FormatError`: the flight's database cannot be read.
         """
@@ -81,7 +80,7 @@ class FlightSoFar:
 
 
 class _Heard:
-    """What was heard of one tag's channel."""
+    """Samples kept of one tag's channel."""
 
     def __init__(self, tag: Tag, channel: KeptChannel, frequency_window_hz: float) -> None:
         self.channel_hz = channel.center_frequency_hz
@@ -94,7 +93,7 @@ class _Heard:
         return 0.0 if self._growing is None else self._growing.length_s
 
     def listen(self, channel: KeptChannel) -> int:
-        """Take what the channel holds beyond what is known; get how many blocks are new."""
+        """Read the channel's new samples; returns the number of new blocks."""
         growing = self._growing
         paths = channel.paths
         if growing is not None:
@@ -128,7 +127,7 @@ class _Heard:
 
 
 def _reaching(paths: tuple[Path, ...], needed_ns: int) -> tuple[Path, ...]:
-    """The pieces from the one in which a time lies."""
+    """Pieces from the one that contains a time onwards."""
     starts: list[tuple[int, Path]] = []
     for path in paths:
         try:
@@ -141,8 +140,8 @@ def _reaching(paths: tuple[Path, ...], needed_ns: int) -> tuple[Path, ...]:
     return tuple(path for _, path in starts[first:])
 
 
-def told_in_flight(one: IntegratedTag) -> str:
-    """Say what a flight shows so far of a tag that it has found, in one short line."""
+def found_in_flight(one: IntegratedTag) -> str:
+    """Summarise a tag that a flight has found so far, in one short line."""
     chance = chance_in_words(one.train.false_alarm_probability)
     place = one.place
     assert place is not None

@@ -1,4 +1,4 @@
-"""What a drone was set up with in a flight: its settings, and the antenna in them."""
+"""The drone's settings in a flight, and its antenna."""
 
 from dataclasses import replace
 
@@ -13,13 +13,13 @@ from uavrt.pose.mounting import Mounting
 from uavrt.recording.flight_reader import Flight
 
 USUAL_ANTENNA = "RA-23K"
-"""Of what does not tell its antenna; the system's first drone had it."""
+"""Antenna of flights that do not record one: the system's first drone carried it."""
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """The flight's settings, for the antenna's place; None when it did not record them.
+    """The flight's settings, for the antenna's mounting; None when it did not record them.
 
-    Raises `FormatError`: what it recorded is damaged.
+    Raises `FormatError`: the recorded settings are damaged.
     """
     if flight.settings_json is None:
         return None
@@ -62,13 +62,13 @@ def antenna_poses(flight: Flight) -> list[Pose]:
     return [mounting.antenna_pose(one) for one in posed]
 
 
-def antenna_is_told(flight: Flight) -> bool:
-    """Whether a flight recorded which antenna the drone was set up with."""
+def antenna_is_recorded(flight: Flight) -> bool:
+    """True if the flight recorded its antenna."""
     return flight.settings_json is not None
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Name of the pattern that the drone was set up with; RA-23K where it recorded none.
+    """Name of the antenna pattern the drone was configured with; RA-23K where not recorded.
 
     Raises `UsageError`: this computer does not know that pattern.
     Raises `FormatError`: the flight's settings are damaged.

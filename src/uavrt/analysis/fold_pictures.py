@@ -1,4 +1,4 @@
-"""Whole flights folded at a tag's interval: as numbers, and as pictures."""
+"""Whole flights folded at a tag's interval, as numbers and as pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,13 +14,13 @@ from uavrt.integration.whole_flight import pulse_weights
 from uavrt.recording.integrated import FlightFold
 
 _ROWS: Final = 32
-"""Sums of pulses from top to bottom, at most."""
+"""Largest number of rows in a folded picture."""
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
     """Draw the fold of every tag.
 
-    `directory`: where the pictures go; made if need be.
+    `directory`: created if missing.
     Returns: the files, ``tag_2_fold.png`` and so on.
     Raises `UsageError`: matplotlib is not installed.
     Raises `RecordingError`: they cannot be written.
@@ -53,9 +53,8 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 def fold_of(one: IntegratedTag) -> FlightFold:
     """Fold a flight at a tag's interval, its energies weighed as in the search.
 
-    The search leaves out what is loud enough to be seen alone, a strong tag's own pulses among
-    it: here loud pulses, whosever they are, count as in `train_pulses`, a little more than
-    others.
+    The search leaves out pulses loud enough to be detected alone. Here loud pulses of any
+    source count as in `train_pulses`, a little more than others.
     """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
@@ -87,7 +86,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """The likeliest place; of a tag that was not found that of the search."""
+    """Index of the most likely place; for a tag not found, that of the search."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

@@ -1,7 +1,7 @@
-"""Put pulses that another program found together to bursts of listed codes.
+"""Group pulses found by another program into bursts of listed codes.
 
-Pulses first, then gaps: what is left where the samples are gone. With the samples the search
-for whole bursts (`uavrt.detection.coded`) hears 3 dB more.
+This serves where the samples are gone. With the samples, the search for whole bursts
+(`uavrt.detection.coded`) is 3 dB more sensitive.
 """
 
 import math
@@ -18,19 +18,19 @@ from uavrt.messages import PulsePose, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 FREQUENCY_REACH_HZ = 10_000.0
-"""A receiver's crystal and the tag's may be off by so much together, at 150 MHz 67 ppm."""
+"""Largest offset of receiver and tag crystals together [Hz]: 67 ppm at 150 MHz."""
 SAME_BURST_HZ = 500.0
-"""Pulses of a burst are of one carrier, each measured to some 100 Hz."""
+"""Largest frequency spread of a burst's pulses [Hz]; each is measured to some 100 Hz."""
 _MOST_APART = 20
-"""Intervals between two bursts that confirm each other."""
+"""Largest number of intervals between two bursts that confirm each other."""
 _SAME_PULSE_S = 1e-3
-"""Pulses of one carrier nearer than this are one pulse that several antennas received."""
+"""Pulses of one carrier closer than this are one pulse received by several antennas [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
     off_s: float
-    """What the gaps differ from the code's, together."""
+    """Sum of the deviations of the gaps from the code's [s]."""
     tag: Tag
     pulses: tuple[int, ...]
 
@@ -76,7 +76,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
 
 def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
-    """Keep the strongest of the pulses of one carrier that lie at one time."""
+    """Keep the strongest of simultaneous pulses of one carrier."""
     kept: list[PulsePose] = []
     for one in ordered:
         for place in range(len(kept) - 1, -1, -1):
@@ -97,7 +97,9 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Choose whose bursts they are, by interval; give the other ids and what is confirmed."""
+    """Assign bursts to tags by interval; returns the other possible ids and which are
+    confirmed.
+    """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {
         tag_id: np.array(
@@ -131,7 +133,7 @@ def _named(
 def _candidates(
     tag: Tag, times_s: NDArray[np.float64], frequencies_hz: NDArray[np.float64]
 ) -> list[_Candidate]:
-    """Find where all pulses of a code are, each where it should be after the first."""
+    """Find where all pulses of a code lie at their places after the first."""
     starts = np.flatnonzero(np.abs(frequencies_hz - tag.frequency_hz) <= FREQUENCY_REACH_HZ)
     places = [starts]
     for after_s in np.cumsum(tag.gaps_s):

@@ -1,4 +1,4 @@
-"""What a whole flight showed of a tag, as pulses among the others, marked *integrated*."""
+"""A tag's result of a whole flight, as pulses marked *integrated*."""
 
 import math
 from bisect import bisect_left, bisect_right
@@ -25,10 +25,10 @@ from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict, Ring, 
 from uavrt.units import db_from_power, ns_from_s
 
 _DECIMALS = 7
-"""Of a degree: a centimetre."""
+"""Decimals of a degree in coordinates: a centimetre."""
 _SAME = 0.25
-"""Of the interval: so near a slot, a pulse heard in flight is the slot's, as a tag sends one in
-an interval. Where samples were lost, times told in flight are off by tens of milliseconds."""
+"""Share of the interval within which a pulse heard in flight belongs to a slot. Where samples
+were lost, times noted in flight are off by tens of milliseconds."""
 
 
 def save_integrated(
@@ -36,17 +36,16 @@ def save_integrated(
     results: Sequence[IntegratedTag],
     silent: Mapping[int, SilentMap] | None = None,
 ) -> Path:
-    """Write verdicts and pulses seen in hindsight beside a flight, as ``integrated/``.
+    """Write a flight's verdicts and integrated pulses into its folder ``integrated/``.
 
     Pulses that the flight's own log has are not written again, so nothing is counted twice.
 
     `flight`: with `info.directory` where it lies.
-    `results`: of `integrate_flight` or `integrate_kept`.
-    `silent`: maps of tags that were not found, by tag: what each says around the flight is
-    kept.
-    Returns: the directory that was written.
+    `results`: from `integrate_flight` or `integrate_kept`.
+    `silent`: coverage maps of tags that were not found, by tag; their sums are kept.
+    Returns: the directory written.
     Raises `RecordingError`: it cannot be written.
-    Raises `FormatError`: what is there already cannot be read.
+    Raises `FormatError`: the present contents cannot be read.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -60,16 +59,16 @@ def save_integrated(
 
 
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
-    """Pulses of a train that was found, without those that were heard in flight.
+    """Pulses of a train that was found, without those heard in flight.
 
-    Of the train's slots those in which the tag was at that rate, and whose own energy noise has
-    in at most one slot of twenty (`slots_of`).
+    A slot gives a pulse if the tag was at that rate and noise alone reaches its energy in at
+    most one slot of twenty (`slots_of`).
 
-    `snr_db` is the energy in the pulse's slot less the mean of noise: single values are rough,
-    and too great by up to 2 dB where the jitter leaves a choice. Score, group and noise density
-    are those of no group, hence unknown.
+    `snr_db` is the energy in the pulse's slot less the mean of noise. Single values are rough,
+    and up to 2 dB too great where the jitter leaves a choice. Score, group and noise density
+    are unknown.
 
-    `result`: None are made of a tag that was not found.
+    `result`: no pulses are made for a tag that was not found.
     """
     if not result.found:
         return []
@@ -109,7 +108,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """What the slots of a train that was found say one by one."""
+    """Energy and significance of each slot of a train that was found."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -120,7 +119,7 @@ def slots_of(result: IntegratedTag) -> SlotEvidence:
 def _heard_live(
     flight: Flight, result: IntegratedTag
 ) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """In which slots of a train the flight's own log has a pulse of the tag."""
+    """Mask of a train's slots for which the flight's own log has a pulse of the tag."""
     live_ns = np.sort(_live_ns(flight, result.tag.tag_id))
     reach_ns = ns_from_s(_SAME * result.pulses.interval_s)
     times_ns = result.pulse_times_ns
@@ -129,7 +128,7 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Sum up what a flight shows of a tag."""
+    """Summarise the result of a whole flight for a tag."""
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -168,7 +167,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
 
 
 def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
-    """Say which train a tag that was not found may be."""
+    """Name the train that a tag not found may be."""
     other = one.ambiguous
     if other is None or other.ratio is None:
         return ()
@@ -182,7 +181,7 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
 def parts_of(
     place: PlaceBelief, least_probability: float = LEAST_PART
 ) -> tuple[IntegratedPart, ...]:
-    """Places that the flight cannot tell apart, the likeliest first."""
+    """Places that the flight cannot distinguish, most likely first."""
     return tuple(
         IntegratedPart(
             latitude_deg=part.latitude_deg,
@@ -196,7 +195,7 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines of the region that holds a tag with a probability."""
+    """Outlines of the smallest region that holds a tag with a probability."""
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))
@@ -207,6 +206,6 @@ def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
 
 
 def _live_ns(flight: Flight, tag_id: int) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """Beginnings of a tag's pulses in the flight's own log."""
+    """Starts of a tag's pulses in the flight's own log [ns, UTC]."""
     own = [one.pulse for one in flight.pulse_poses if one.pulse.tag_id == tag_id]
     return np.array([pulse.start_time_ns for pulse in own], np.int64)

@@ -1,4 +1,4 @@
-"""What a whole flight says of a tag, as ``uavrt integrate --json`` prints it."""
+"""Result of a whole flight for a tag, as ``uavrt integrate --json`` prints it."""
 
 import math
 from collections.abc import Sequence
@@ -16,46 +16,46 @@ from uavrt.recording.integrated import IntegratedPart, Ring
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTrainRecord:
-    """Another train on a tag's frequency."""
+    """Another pulse train on a tag's frequency."""
 
     interval_s: float
     frequency_hz: float
     ratio: str | None
-    """Of its interval to the tag's, such as ``3/2``."""
+    """Ratio of its interval to the tag's, such as ``3/2``."""
     other_code: bool
-    """Bursts of another code."""
+    """True for bursts of another code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotRecord:
-    """One slot of a train."""
+    """One slot of a pulse train."""
 
     time: str
-    """ISO 8601, UTC."""
+    """Start of the slot, ISO 8601, UTC."""
     time_ns: int
     energy: float
-    """Over the noise."""
+    """Energy over the mean of noise."""
     at_rate: bool
-    """The tag was at this rate then."""
+    """True while the tag was at this rate."""
     stands_out: bool
-    """Noise has as much in at most one slot of twenty."""
+    """True if noise alone reaches this energy in at most one slot of twenty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Where a tag that was found is; all None where it was not, or has no common place."""
+    """Place of a tag; all None where it was not found, or has no common place."""
 
     enr_db: float | None = None
-    """Energy over noise density of its strongest pulse."""
+    """Energy over noise density of its strongest pulse [dB]."""
     latitude_deg: float | None = None
-    """Of several places, the middle: `places` has each."""
+    """Latitude; of several places, the middle (`places` has each)."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None
     level_db: float | None = None
-    """As `enr_db`, by its name in earlier versions."""
+    """`enr_db` by its name in earlier versions."""
     bearing_deg: float | None = None
-    """From the middle of the flight."""
+    """Direction from the middle of the flight."""
     arc50_deg: float | None = None
     arc95_deg: float | None = None
     places: tuple[IntegratedPart, ...] = ()
@@ -64,7 +64,7 @@ class PlaceRecord:
 
     @classmethod
     def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
-        """Sum up what is believed of a place."""
+        """Summarise a place."""
         if place is None:
             return cls()
         return cls(
@@ -85,29 +85,31 @@ class PlaceRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilenceRecord:
-    """Where a tag that was not found is not: the map of ``uavrt coverage``, and its sums."""
+    """Coverage for a tag that was not found: the map of ``uavrt coverage`` in numbers."""
 
     tag_power_dbm: float
-    """That the tag is taken to radiate."""
+    """Power that the tag is assumed to radiate."""
     whole_flight: bool
-    """Found by judging the whole flight; else by groups of pulses: `limitations` say why."""
+    """True if the map is for judging the whole flight; else for groups of pulses (`limitations`
+    say why)."""
     mean_probability: float | None
-    """Of being found, over the map; None where no ground is known."""
+    """Mean probability of finding the tag, over the map; None where no ground is known."""
     share50: float | None
-    """Of the map, on which it is found with .5 or more."""
+    """Share of the map where the tag is found with probability .5 or more."""
     share90: float | None
     sure_within_m: float | None
-    """So near the flight it is found everywhere with .9 or more; None: nowhere."""
+    """Distance from the flight within which the tag is found everywhere with probability .9 or
+    more; None: nowhere."""
     noise: str
-    """What is known of the drone's, in words."""
+    """Description of the noise measurement used."""
     antenna: str
     limitations: tuple[str, ...]
     files: tuple[str, ...]
-    """GeoTIFF and PNG; none where nothing is saved."""
+    """GeoTIFF and PNG; empty where nothing is saved."""
 
     @classmethod
     def of(cls, one: SilentMap, files: Sequence[Path]) -> "SilenceRecord":
-        """Sum up a map."""
+        """Summarise a map."""
         coverage = one.coverage
         return cls(
             tag_power_dbm=one.tag_power_dbm,
@@ -129,37 +131,37 @@ def _finite(value: float) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedRecord(PlaceRecord):
-    """What a whole flight says of one tag."""
+    """Result of a whole flight for one tag."""
 
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """That noise alone shows as much in a flight."""
+    """Probability that noise alone gives such a result in a flight."""
     interval_s: float
-    """Of what was found, or of what looked most like a tag."""
+    """Interval of the train found, or else of the strongest candidate."""
     frequency_hz: float
     pulses: int
-    """Of the train, at its rate; 0 where it was not found."""
+    """Pulses of the train at its rate; 0 where it was not found."""
     score: float
     rate: int
     drift: float
     ambiguous: bool
     other_trains: tuple[OtherTrainRecord, ...]
     confirmed_alone: int
-    """Pulses that the flight's own log has."""
+    """Number of confirmed pulses in the flight's own log."""
     antenna: str
     antenna_assumed: bool
-    """Nobody told which antenna the drone carried."""
+    """True if the flight does not record the antenna, so one was assumed."""
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
     silence: SilenceRecord | None = None
-    """None where it was heard, or may have been, or no map was made."""
+    """None for a tag that was heard or perhaps heard, and where no map was made."""
 
 
 def integrated_record(
     one: IntegratedTag, silence: SilenceRecord | None = None
 ) -> IntegratedRecord:
-    """Sum up what a flight says of a tag."""
+    """Summarise the result of a flight for a tag."""
     slots = _slots(one) if one.found else ()
     place = PlaceRecord.of(one.place)
     return IntegratedRecord(

@@ -18,7 +18,7 @@ _BLOCK = 262_144
 
 
 class _Array:
-    """Samples in memory as a source; what is not finite is missing."""
+    """Samples in memory as a source; values that are not finite are missing samples."""
 
     def __init__(
         self,

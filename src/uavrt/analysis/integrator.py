@@ -1,8 +1,8 @@
-"""The integrator process: tags below the noise, told while the drone is still in the air.
+"""The integrator process: finds tags below the noise while the drone is still in the air.
 
-An onlooker like the estimator, at the lowest priority: it reads what the flight has kept of its
-channels, judges one tag after another by all that was heard so far, writes what it found beside
-the flight as ``uavrt integrate`` does, and tells the ground. It takes a tenth of a core.
+It reads the channels that the flight has kept, judges one tag after another by all samples so
+far, writes the results into the flight's directory as ``uavrt integrate`` does, and reports
+finds to the ground. It runs at the lowest priority and takes a tenth of a core.
 """
 
 import os
@@ -11,7 +11,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
+from uavrt.analysis.flight_so_far import FlightSoFar, found_in_flight
 from uavrt.analysis.hindsight import save_integrated
 from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs
 from uavrt.clock import cpu_s, monotonic_s
@@ -29,20 +29,21 @@ from uavrt.terrain.elevation_files import open_elevation
 log = get_logger()
 
 NICENESS = 15
-"""It must not take time from the detectors, nor from the estimator."""
+"""Nice level: lower priority than the detectors and the estimator."""
 TICK_S = 0.5
 SHARE = 9.0
-"""It rests nine times as long as it worked: a tenth of a core."""
+"""Idle time per working time: a tenth of a core."""
 LOOK_AGAIN_S = 5.0
-"""After a look at a tag of which nothing new was heard."""
+"""Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
-"""A tag with as many confirmed pulses is found without us, and not told of."""
+"""A tag with this many confirmed pulses counts as found by the detectors and is not
+reported."""
 CLOSER = 0.5
-"""A place is told again when its radius has shrunk to so much of what was told."""
+"""A place is reported again when its radius has shrunk to this share of the reported one."""
 
 
 class Looks:
-    """Which tag is looked at next, and when; pure."""
+    """Schedule of tags to judge; pure."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
         self._due_s = dict.fromkeys((tag.tag_id for tag in tags), 0.0)
@@ -50,38 +51,38 @@ class Looks:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Get the tag that has waited longest, if one is due and there was rest enough."""
+        """Tag that has waited longest, if one is due and the pause is over."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
         return self._tags[tag_id] if due_s <= now_s else None
 
     def looked(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
-        """Know that a look has ended, and what it cost [s of a core]."""
+        """Record that judging a tag has ended, and its cost [s of a core]."""
         self._rest_until_s = now_s + SHARE * worked_s
         self._due_s[tag.tag_id] = now_s + (BLOCK_S if new else LOOK_AGAIN_S)
 
 
 class Teller:
-    """What the ground is told: a tag that is found, and a place that becomes much closer."""
+    """Selects reports for the ground: a tag that is found, and a much more accurate place."""
 
     def __init__(self) -> None:
         self._radius_m: dict[int, float] = {}
 
     def text(self, one: IntegratedTag) -> str | None:
-        """Get what is to be said, if anything is."""
+        """Text to report; None if there is no news."""
         place = one.place
         if place is None or one.heard_alone >= FEW_PULSES:
             return None
-        told_m = self._radius_m.get(one.tag.tag_id)
-        if told_m is not None and place.radius95_m > CLOSER * told_m:
+        reported_m = self._radius_m.get(one.tag.tag_id)
+        if reported_m is not None and place.radius95_m > CLOSER * reported_m:
             return None
         self._radius_m[one.tag.tag_id] = place.radius95_m
-        return told_in_flight(one)
+        return found_in_flight(one)
 
 
 class Integration:
-    """The state of the process; see the module's text.
+    """State of the integrator process.
 
     Raises `UsageError`: there is no such antenna.
     """
@@ -117,7 +118,7 @@ class Integration:
             self._flight = None  # the whole of it is judged on the ground
 
     def _ground(self, settings: Settings) -> Elevation | None:
-        """The ground that orders of motion are checked against; level if it is not known."""
+        """Ground model that motion orders are checked against; level if unknown."""
         terrain = settings.guidance.terrain
         if terrain is None:
             return None
@@ -133,7 +134,7 @@ class Integration:
         self._looks, self._teller = Looks(flight.tags), Teller()
 
     def tick(self) -> None:
-        """Tell what was found, and look at the next tag."""
+        """Report finished results, and start judging the next tag."""
         while not self._done.empty():
             flight, tag, result, worked_s = self._done.get()
             self._working = False
@@ -142,13 +143,13 @@ class Integration:
                 continue
             self._looks.looked(tag, monotonic_s(), worked_s, new=result is not None)
             if result is not None:
-                self._tell(result)
+                self._report(result)
         tag_due = self._looks.due(monotonic_s())
         if self._flight is not None and tag_due is not None and not self._working:
             self._working = True
             self._jobs.put((self._flight, self._directory, tag_due))
 
-    def _tell(self, result: IntegratedTag) -> None:
+    def _report(self, result: IntegratedTag) -> None:
         self.judged += 1
         self.found += result.found
         text = self._teller.text(result)
@@ -156,7 +157,7 @@ class Integration:
             self._frame.notify(5, text)
 
     def _work(self) -> None:
-        """Judge what is asked for, in a thread: the process goes on showing that it lives."""
+        """Judge tags in a thread, so that the process continues to send heartbeats."""
         while (job := self._jobs.get()) is not None:
             flight, directory, tag = job
             began_s = cpu_s()
@@ -185,7 +186,7 @@ class Integration:
 
 
 def main() -> None:
-    """Judge until told to stop."""
+    """Run until stopped."""
     os.nice(NICENESS)
     with ProcessFrame.start() as frame:
         try:

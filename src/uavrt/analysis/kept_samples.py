@@ -1,4 +1,4 @@
-"""The channels that a flight kept: which there are, and a source of samples for each tag."""
+"""The channels that a flight kept, and a source of samples for each tag."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
@@ -21,24 +21,24 @@ class KeptChannel:
     center_frequency_hz: float
     sample_rate_hz: float
     paths: tuple[Path, ...]
-    """Metadata files, in the order of their names."""
+    """Metadata files, ordered by name."""
     samples: int
     bytes: int
 
     @property
     def length_s(self) -> float:
-        """How much was kept."""
+        """Duration of the kept samples [s]."""
         return self.samples / self.sample_rate_hz
 
     def holds(self, tag: Tag) -> bool:
-        """Whether a tag's frequency lies in it."""
+        """True if the channel contains a tag's frequency."""
         return abs(tag.frequency_hz - self.center_frequency_hz) < self.sample_rate_hz / 2
 
 
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Find the channels that a flight kept, by frequency; `on_fault` is told damaged pieces."""
+    """Find the kept channels of a flight by frequency; `on_fault` receives damaged pieces."""
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:
@@ -75,8 +75,8 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
 def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[IntegratedTag]:
     """Judge a whole flight for each tag from the channels that it kept.
 
-    Channel by channel, so that only one is in memory; ring pieces are joined, and what is
-    missing between them is a gap. Pieces that cannot be read are limitations of the result.
+    Channels are read one at a time to save memory. Ring pieces are joined; missing samples
+    between them are gaps. Unreadable pieces are limitations of the result.
 
     `flight`: with `info.directory` where it lies now.
     Raises `ConfigError`: there are no tags.
@@ -122,12 +122,12 @@ def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[In
 
 
 def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
-    """What to tell of pieces that cannot be read, each once."""
+    """Messages about unreadable pieces, each once."""
     return tuple(
         f"a piece of the kept samples was left out: {fault}" for fault in dict.fromkeys(faults)
     )
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Count on from the tags of the channels before."""
+    """Progress callback that counts on from the tags of earlier channels."""
     return None if on_tag is None else lambda done: on_tag(before + done)

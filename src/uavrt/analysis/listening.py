@@ -1,7 +1,7 @@
-"""In which time a flight was listened to for a tag, and what is missing there.
+"""Times in which a flight listened for a tag.
 
-Silence tells nothing of the time without samples: a channel's ring overwrites its beginning, a
-full card ends it, and a recording may be shorter than the flight.
+Coverage must exclude times without samples: a channel's ring overwrites its beginning, a full
+card ends it, and a recording may be shorter than the flight.
 """
 
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from uavrt.localization.heard import PoseColumns
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 Stretch = tuple[int, int]
-"""Begin and end [ns, UTC]."""
+"""Start and end [ns, UTC]."""
 _SECOND = NANOSECONDS_PER_SECOND
-_TOLD_SHARE = 0.95
-"""Of the flight's time: with more samples nothing is said."""
+_COMPLETE_SHARE = 0.95
+"""Share of the flight's time above which missing samples are not mentioned."""
 _POSELESS_SHARE = 0.02
 _POSE_REACH_NS = 2 * _SECOND
 
 
 def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
-    """Whole seconds in which at least half of the slots say something, laid together."""
+    """Whole seconds with data in at least half of their slots, merged into stretches."""
     per_second = max(1, round(1.0 / energies.slot_s))
     seconds = len(energies.heard) // per_second
     heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
@@ -41,7 +41,7 @@ def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
 
 
 def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArray[np.bool_]:
-    """Whether times lie in one of some stretches."""
+    """Mask of times inside any of some stretches."""
     inside = np.zeros(len(time_ns), bool)
     for begin, end in stretches:
         inside |= (time_ns >= begin) & (time_ns < end)
@@ -49,14 +49,14 @@ def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArra
 
 
 def missing_in_words(share: float) -> tuple[str, ...]:
-    """Say that of a flight's time only a share was listened to; nothing where it was most."""
-    if share >= _TOLD_SHARE:
+    """Sentence on the share of the flight that was listened to; empty where it was most."""
+    if share >= _COMPLETE_SHARE:
         return ()
     return (f"there are samples of {share:.0%} of the flight: of the rest nothing is known",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Leave out what was heard more than 2 s from any pose: nobody knows from where."""
+    """Leave out pulses more than 2 s from any pose, whose place is unknown."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies
@@ -70,19 +70,19 @@ def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[
 
 
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
-    """What samples and poses do not hold of each other, in words."""
+    """Sentences on samples without poses and poses without samples."""
     seconds = np.concatenate(
         [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
     )
     first_ns, last_ns = int(poses.time_ns[0]), int(poses.time_ns[-1])
     inside = np.count_nonzero((seconds >= first_ns) & (seconds <= last_ns))
-    told = missing_in_words(float(inside) * _SECOND / max(last_ns - first_ns, _SECOND))
+    missing = missing_in_words(float(inside) * _SECOND / max(last_ns - first_ns, _SECOND))
     away = _away_from_poses(seconds, poses)
     poseless = float(away.mean()) if len(seconds) else 0.0
     if poseless <= _POSELESS_SHARE:
-        return told
+        return missing
     return (
-        *told,
+        *missing,
         f"{poseless:.0%} of the samples have no pose within "
         f"{_POSE_REACH_NS // _SECOND} s: they are left out",
     )

@@ -1,4 +1,4 @@
-"""Doubts about the clocks of logs that are put together: a mast's, a person's, a drone's."""
+"""Checks of the clocks of logs that are combined: a mast's, a person's, a drone's."""
 
 from collections.abc import Sequence
 from datetime import timedelta
@@ -8,15 +8,15 @@ from uavrt.clock import iso_utc
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _APART_S = 1800.0
-"""Between logs that were recorded together at most; a battery is changed in less."""
+"""Longest pause between logs of one survey [s]; a battery is changed in less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
-"""1 January 2000: what is older comes from a clock that was never set."""
+"""1 January 2000: earlier times come from a clock that was never set."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
-    """Name logs whose clock was never set, and those of another time than the others.
+    """Warnings about logs whose clock was never set, or differs from the others' by far.
 
-    `logs`: each with the times of what is in it [ns, UTC].
+    `logs`: each with the times of its data [ns, UTC].
     """
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []

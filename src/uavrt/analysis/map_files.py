@@ -1,8 +1,8 @@
-"""Map files, PMTiles 3 and MBTiles: what they hold, and their tiles.
+"""Map files, PMTiles 3 and MBTiles: metadata and tiles.
 
 PMTiles by its specification, version 3 (header §3, directories §4, tile ids on a Hilbert curve
-§4.1); MBTiles by its specification, version 1.3. Others made them: sizes are bounded before
-anything is read.
+§4.1); MBTiles by its specification, version 1.3. The files are foreign input: sizes are bounded
+before anything is read.
 """
 
 import math
@@ -21,13 +21,13 @@ from uavrt.recording.plain_database import watch
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
-"""Kinds of tiles that are pictures; ``mvt`` is lines and areas."""
+"""Tile formats that are pictures; ``mvt`` is lines and areas."""
 MOST_TILE = 2_000_000
 _MOST_CREDIT = 4000
 MAP_QUERY_S = 0.7
 """Longest query of a map [s]; a tile takes a millisecond."""
 _MOST_FACTS = 500
-"""Rows of MBTiles' metadata; the specification knows fourteen."""
+"""Most rows read from MBTiles' metadata; the specification has fourteen."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
 _EARTH = "-180,-85,180,85"
@@ -43,7 +43,7 @@ _NOT_COMPRESSED, _GZIP = 1, 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFile:
-    """A map file and what it says of itself."""
+    """A map file and its metadata."""
 
     path: Path
     format: str
@@ -58,7 +58,7 @@ class MapFile:
 
     @property
     def credit(self) -> str:
-        """Whose map it is: what must stand beside it."""
+        """Attribution that must be shown with the map."""
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
@@ -78,7 +78,7 @@ class MapFile:
             raise FormatError(f"{self.path.name} cannot be read: {error}") from error
 
     def covers(self, west: float, south: float, east: float, north: float) -> bool:
-        """Whether its bounds hold an area."""
+        """True if the file's bounds contain an area."""
         return (
             self.bounds[0] <= west
             and self.bounds[1] <= south
@@ -88,9 +88,9 @@ class MapFile:
 
 
 def read_map(path: Path) -> MapFile:
-    """Read what a map file says of itself.
+    """Read the metadata of a map file.
 
-    Raises `FormatError`: it is none.
+    Raises `FormatError`: it is no map file.
     """
     try:
         if path.exists() and not path.is_file():
@@ -104,7 +104,7 @@ def read_map(path: Path) -> MapFile:
 
 
 def _said(error: BaseException) -> str:
-    """What is wrong in words of ours; SQLite's own are of databases."""
+    """Describe a fault in terms of map files instead of SQLite's."""
     if isinstance(error, FileNotFoundError):
         return "it does not exist"
     if isinstance(error, sqlite3.Error):
@@ -113,7 +113,7 @@ def _said(error: BaseException) -> str:
 
 
 def maps_in(directory: Path) -> tuple[MapFile, ...]:
-    """All maps of a folder whose tiles are pictures; what is none is passed over."""
+    """All picture maps in a folder; other files are skipped."""
     found = []
     for path in sorted(directory.iterdir()) if directory.is_dir() else []:
         if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):
@@ -166,7 +166,7 @@ def _mbtiles(path: Path) -> MapFile:
 
 
 def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
-    """West, south, east and north; raises `ValueError` for what is no place on earth."""
+    """West, south, east and north; raises `ValueError` for impossible coordinates."""
     west, south, east, north = edges
     # So that a number that is none is refused, too.
     if not (
@@ -187,7 +187,7 @@ def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
-    """Open a database that may hold views, as many MBTiles do: none runs for long."""
+    """Open a database whose queries are time-limited: many MBTiles hold views."""
     require_plain_file(path)
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     database = sqlite3.connect(address, uri=True)
@@ -228,7 +228,9 @@ def _header(path: Path) -> bytes:
 
 
 def _check_parts(header: bytes, size: int) -> None:
-    """Raise `ValueError` where directories, facts or tiles go on beyond the end of the file."""
+    """Raise `ValueError` where directories, metadata or tiles extend beyond the end of the
+    file.
+    """
     parts = struct.unpack_from("<8Q", header, 8)
     if (
         max(place + length for place, length in zip(parts[::2], parts[1::2], strict=True))
@@ -271,7 +273,7 @@ def _pmtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _tile_id(z: int, x: int, y: int) -> int:
-    """Number of a tile: those of the zooms below, then along a Hilbert curve."""
+    """Tile number: the tiles of lower zooms, then along a Hilbert curve."""
     number, side = ((1 << 2 * z) - 1) // 3, (1 << z) // 2
     while side:
         right, below = int(bool(x & side)), int(bool(y & side))
@@ -285,7 +287,7 @@ def _tile_id(z: int, x: int, y: int) -> int:
 
 
 def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
-    """Offset, length and run (0: a leaf directory) of what holds a tile."""
+    """Offset, length and run (0: a leaf directory) of a tile's directory entry."""
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):
@@ -320,7 +322,7 @@ def _varints(content: bytes) -> list[int]:
 
 
 def _plain(text: object) -> str | None:
-    """A text of others without its markup, to be shown beside the map; None for no text."""
+    """Foreign text without its markup, for display with the map; None for an empty one."""
     if not isinstance(text, str):
         return None
     return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text[:_MOST_CREDIT]).split())[:200] or None

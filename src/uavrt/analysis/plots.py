@@ -1,8 +1,8 @@
-"""Pictures of a detection: waterfall with pulses, the beat, SNR over time; for each tag.
+"""Pictures of a detection for each tag: waterfall with pulses, beat, SNR over time.
 
-Matplotlib is drawn on through its objects, without pyplot and without a display; it is in the
-extra ``uavrt[analysis]``. Colours are those of Okabe and Ito (2008), which people with any
-kind of colour vision tell apart; shapes tell the same.
+Matplotlib, from the extra ``uavrt[analysis]``, is used through its objects, without pyplot and
+without a display. Colours are those of Okabe and Ito (2008), distinct for people with any kind
+of colour vision; marker shapes repeat the distinction.
 """
 
 import re
@@ -30,22 +30,22 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
     "subthreshold": ("#000000", "x", "below the threshold"),
     "integrated": ("#CC79A7", "+", "seen in hindsight"),
 }
-"""Colour, shape and name of each status."""
+"""Colour, shape and name of each pulse status."""
 CIRCLED: Final = 40
-"""Up to so many pulses are circled in a waterfall; more would hide it."""
+"""Most pulses circled in a waterfall; more would hide it."""
 TICKED: Final = 400
-"""Up to so many pulses have a tick of their own above a waterfall."""
+"""Most pulses with a tick of their own above a waterfall."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
-"""Least heights of the axes of SNR and frequency."""
+"""Smallest ranges of the SNR and frequency axes."""
 LOWEST_SPAN_DB: Final = 15.0
 
 
 class DetectionPlots:
     """Collects the data for plots while a detection runs, in almost constant memory.
 
-    `directory`: where the pictures go; made if need be.
+    `directory`: created if missing.
     `frequency_window_hz`: half-width of the search, shown with a margin.
     Raises `UsageError`: matplotlib is not installed.
     Raises `RecordingError`: the directory cannot be made.
@@ -67,7 +67,7 @@ class DetectionPlots:
         self._pulses: dict[int, list[Pulse]] = {tag.tag_id: [] for tag in tags}
 
     def add_block(self, block: ChannelBlock) -> None:
-        """Process a block of a channel; each tag is shown in the channel nearest to it."""
+        """Process a block of a channel; each tag is plotted from the channel nearest to it."""
         for tag in self._tags:
             offset_hz = tag.frequency_hz - block.center_frequency_hz
             known = self._waterfalls.get(tag.tag_id)
@@ -90,7 +90,7 @@ class DetectionPlots:
             self._pulses[pulse.tag_id].append(pulse)
 
     def write(self) -> list[Path]:
-        """Draw the pictures of every tag that samples came for.
+        """Draw the pictures of every tag that has samples.
 
         Returns: the files.
         Raises `RecordingError`: they cannot be written.
@@ -166,7 +166,7 @@ def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "
 
 
 def _draw_counts(axes: "Axes", pulses: Sequence[Pulse], begin: float, end: float) -> None:
-    """Pulses in each of 200 stretches, where ticks would touch each other."""
+    """Number of pulses in each of 200 stretches, where ticks would touch."""
     groups = [[p for p in pulses if p.detection_status == status] for status in STYLES]
     axes.hist(
         [[_date(pulse.start_time_ns) for pulse in group] for group in groups],
@@ -206,7 +206,7 @@ def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure
 
 
 def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """Fold everything at the interval of the pulses; one picture for each rate in a row."""
+    """Fold everything at the interval of the pulses; pictures of the rates in a row."""
     rates = sorted({pulse.rate for pulse in pulses}) or [1]
     figure = _figure(5.2 * len(rates))
     grid = figure.subplots(len(rates), 2, width_ratios=(3, 2), sharey="row", squeeze=False)
@@ -268,7 +268,7 @@ def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s:
 def _draw_residuals(
     axes: "Axes", pulses: Sequence[Pulse], times_s: NDArray[np.float64], beat: Beat | None
 ) -> None:
-    """How far each pulse is from the regular beat."""
+    """Deviation of each pulse from the regular beat."""
     axes.axvline(0.0, color="0.6", linewidth=0.8)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -301,7 +301,7 @@ def _draw_residuals(
 def levels_over_noise_db(power: NDArray[np.float32]) -> NDArray[np.float64]:
     """Level of each cell over the noise, NaN where samples are missing.
 
-    Noise is the median of all cells that are there: pulses fill a few percent of them.
+    Noise is the median of all cells with samples: pulses fill a few percent of them.
     """
     present = power > 0.0
     level = np.full(power.shape, np.nan)

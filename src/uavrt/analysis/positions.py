@@ -17,7 +17,7 @@ from uavrt.analysis.bearings import (
 )
 from uavrt.analysis.flight_copies import SAME_PULSES
 from uavrt.analysis.log_clocks import clock_doubts
-from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
+from uavrt.analysis.same_tags import NamedTag, SameTags, same_tags
 from uavrt.errors import UsageError
 from uavrt.geodesy import distance_m
 from uavrt.localization.angles import difference_deg
@@ -46,11 +46,12 @@ from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, ta
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Bearings of one turn differ by less, also where another program made one of them."""
+"""Two bearings of one turn differ by fewer standard deviations than this, even from two
+programs."""
 _USUAL_SIGMA_DEG = 6.0
-"""Of a bearing that comes without a standard deviation."""
+"""Assumed standard deviation of a bearing without one [deg]."""
 _FIRST_LINES = 100
-"""Which show what a file is; comments may come first."""
+"""Lines read to recognise a file's format; comments may come first."""
 
 
 def read_positions(
@@ -58,16 +59,16 @@ def read_positions(
     how: ReadAs | None = None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagPosition]:
-    """Estimate the positions of tags from all that is known of them.
+    """Estimate the positions of tags from flights, logs and files of bearings.
 
     `*paths`: flights, pulse logs of any kind, folders of them, and files of bearings
-    (bearings.csv, or noted by hand): their bearings go together, one position for each tag,
-    taken to rest. A positions.csv, and an estimate CSV of UCSD's tracker, give what is in them.
+    (bearings.csv, or noted by hand). All bearings of a tag give one position, assuming that it
+    rests. A positions.csv, and an estimate CSV of UCSD's tracker, are returned as they are.
     `how`: how they are read. Without an antenna that of each flight's settings, RA-23K for logs
     without, and a monopole for UCSD's pings.
-    `warn`: called with what a user of a log must know.
-    Raises `FormatError`: one of them is nothing of that kind.
-    Raises `UsageError`: there is no such method; or what was given cannot go together.
+    `warn`: called with warnings about a log.
+    Raises `FormatError`: one of them has none of these formats.
+    Raises `UsageError`: there is no such method, or the inputs cannot be combined.
     """
     how = how or ReadAs()
     check_position_method(how.method)
@@ -118,11 +119,11 @@ def read_positions(
     found = _positions_of_logs(
         [*zip(logs, same.keys, strict=True)], _under_keys(rows, same), how, warn
     )
-    return _as_told(found, same)
+    return _with_names(found, same)
 
 
 def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
-    """Make bearings of a file's; how strong the tag was is not in it."""
+    """Bearings from a file, which has no signal strengths."""
     found = []
     for row in rows:
         known = [one for one in (row.start_time_ns, row.end_time_ns) if one is not None]
@@ -152,7 +153,7 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
 def _without_repeats(
     files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
 ) -> list[tuple[str, list[TagBearing]]]:
-    """Leave out what an earlier file has, too: tag, place, time and bearing are the same."""
+    """Leave out repeats of an earlier file: same tag, place, time and bearing."""
     key = attrgetter(
         "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
     )
@@ -172,7 +173,7 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
     Raises `UsageError`: a number stands for several tags.
     """
     keys: dict[int, list[int]] = {}
-    for key, tag in same.told.items():
+    for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)
     for tag_id in sorted({one.tag_id for one in rows}):
         if len(keys.get(tag_id, ())) > 1:
@@ -183,12 +184,12 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
 
 
-def _as_told(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
-    """Positions under the numbers and names of the tags, in their order."""
+def _with_names(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
+    """Positions under the tags' numbers and names, in their order."""
     named = []
     for one in found:
-        unknown = ToldTag(tag_id=one.tag_id, frequency_hz=None, name=None)
-        tag = same.told.get(one.tag_id, unknown)
+        unknown = NamedTag(tag_id=one.tag_id, frequency_hz=None, name=None)
+        tag = same.tags.get(one.tag_id, unknown)
         named.append(
             replace(one, tag_id=tag.tag_id, frequency_hz=tag.frequency_hz, name=tag.name)
         )
@@ -197,7 +198,7 @@ def _as_told(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """A flight or log whose tags have their keys."""
+    """A flight or log whose tags have keys."""
 
     recorded: Recorded
     heard: Heard
@@ -205,7 +206,7 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """Whether bearings may be taken from its poses."""
+        """True if bearings may be estimated from its poses."""
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -269,9 +270,9 @@ def _positions_of_turns(
     over: OverGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Positions from bearings, and strengths of logs without; and of tags without any, why.
+    """Positions from bearings and from signal strengths; the reason for tags without either.
 
-    `standing` are logs of whips at one place, which give no bearing.
+    `standing`: logs of a whip at one place, which give no bearing.
     """
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
@@ -296,7 +297,7 @@ def _positions_of_turns(
 
 
 def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
-    """Whether a bearing of a file was made of a turn that was read, too."""
+    """True if a file's bearing was made from a turn that was also read."""
     places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
     off_deg = abs(difference_deg(noted.bearing.bearing_deg, own.bearing.bearing_deg))
     sigmas_deg = (one.bearing.sigma_deg or _USUAL_SIGMA_DEG for one in (noted, own))
@@ -310,7 +311,7 @@ def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
 
 
 def check_position_method(method: str) -> None:
-    """Refuse a method that does not exist; raises `UsageError`."""
+    """Reject an unknown method; raises `UsageError`."""
     known = [*get_args(PositionMethod), *ADDED_METHODS]
     if method not in known:
         raise UsageError(
@@ -319,9 +320,9 @@ def check_position_method(method: str) -> None:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Columns of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for all else.
+    """Number of columns of a bearings.csv (10 or 11) or positions.csv (up to 8); else 0.
 
-    Both have a number and then the name of a file, which no pulse log has.
+    Both begin with a number and a file name, unlike any pulse log.
     """
     if not Path(path).is_file():
         return 0
@@ -342,12 +343,12 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _is_result(path: str | os.PathLike[str]) -> bool:
-    """Whether a file has bearings or positions, and no pulses."""
+    """True if a file has bearings or positions instead of pulses."""
     return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
-    """Whether a file has the heading of UCSD's estimates, which have no amplitude."""
+    """True if a file has the heading of UCSD's estimates, which have no amplitude."""
     if not Path(path).is_file():
         return False
     first = next((line for line in read_lines(path) if line.strip()), "")
@@ -356,7 +357,7 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """The last estimate of each target of UCSD's tracker; it refines them as it flies."""
+    """Last estimate of each target of UCSD's tracker, which refines them during the flight."""
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
@@ -377,7 +378,7 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """What the original's tools wrote into a positions.csv; of all methods for ``bayes``."""
+    """Positions in a positions.csv of the original's tools; of all methods for ``bayes``."""
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
@@ -390,9 +391,9 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Leave out what another log holds, too: a flight received and fetched is heard once.
+    """Leave out pulses of another log: a flight both received and fetched is used once.
 
-    Two drones that hear one pulse are at two places.
+    One pulse at two places was received by two drones, and both are kept.
     """
     heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
@@ -411,7 +412,7 @@ def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> li
 
 
 def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
-    """Tag, start [ms] and place (to 10 m) of a pulse: the same in each copy of a flight."""
+    """Tag, start [ms] and place (to 10 m) of a pulse: equal in each copy of a flight."""
     pose, pulse = posed.pose, posed.pulse
     milliseconds = round(pulse.start_time_ns / 1e6)
     if pose is None:

@@ -1,8 +1,8 @@
-"""Surveys with a monopole: where a tag is from its strength alone, and where it was loudest.
+"""Surveys with a monopole: a tag's position from signal strength alone.
 
-Without a directional antenna there are no bearings. The pulses that were heard along the
-flight, and those that must have come and were not heard, give a position; the loudest place is
-named for what it is (`uavrt.localization.position.strongest`).
+Without a directional antenna there are no bearings. The pulses heard along the flight, and
+expected pulses that were not, give a position. The strongest place is reported separately
+(`uavrt.localization.position.strongest`).
 """
 
 from contextlib import suppress
@@ -27,47 +27,47 @@ from uavrt.localization.results import Position
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeightBand:
-    """How strong a tag was in a layer of heights, and where."""
+    """A tag's signal strength in a range of heights."""
 
     low_m: float
-    """Above the start."""
+    """Lower edge, above the start."""
     high_m: float
     pulses: int
     median_db: float
     best_db: float
     strongest: StrongestSignal
     surface: SignalSurface | None
-    """None when this layer covers no area."""
+    """None when this range covers no area."""
 
     @property
     def name(self) -> str:
-        """The heights in words."""
+        """Name of the height range."""
         return f"{self.low_m:.0f}–{self.high_m:.0f} m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TagSignal:
-    """What the strength of one tag says by itself."""
+    """Results from one tag's signal strength alone."""
 
     tag_id: int
     track: PowerTrack
     strongest: StrongestSignal | None
     surface: SignalSurface | None
-    """Colours of the ground; None when the flight covers no area."""
+    """Signal strength over the ground; None when the flight covers no area."""
     heights: tuple[HeightBand, ...]
-    """The layers that were flown, lowest first, those with three pulses or more."""
+    """Height ranges with three pulses or more, lowest first."""
     section: SignalSection | None = None
-    """From the side, around the tag's position; None when it was flown at one height."""
+    """Side view around the tag's position; None when flown at one height."""
 
     @property
     def layers(self) -> tuple[HeightBand, ...]:
-        """Layers with a map of their own, where there are several of them to tell apart."""
+        """Height ranges with a map of their own, where there are several."""
         mapped = tuple(one for one in self.heights if one.surface is not None)
         return mapped if len(mapped) > 1 else ()
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Draw what a track says of strength alone, from the side around a position if any."""
+    """Map signal strength along a track, and a side view around a position if any."""
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

@@ -1,4 +1,4 @@
-"""Bearings and positions as plain records: JSON of the commands, the page, batch's tables."""
+"""Bearings and positions as plain records for JSON of commands, page and batch tables."""
 
 import math
 from typing import Any
@@ -20,12 +20,12 @@ _OF_PLACE = ("latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
 
 
 def known(value: Any) -> Any:
-    """None for a number that is not finite: JSON has none of these."""
+    """None for a number that is not finite, which JSON cannot hold."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def bearing_record(one: TagBearing) -> dict[str, Any]:
-    """Fields of a bearing by their names, and what an operator must know of it."""
+    """Fields of a bearing by name, with its cautions."""
     found = one.bearing
     return {
         "tag_id": one.tag_id,
@@ -43,7 +43,7 @@ def bearing_record(one: TagBearing) -> dict[str, Any]:
 
 
 def position_record(one: TagPosition) -> dict[str, Any]:
-    """Fields of a position by their names; of a tag without one, the reason."""
+    """Fields of a position by name; of a tag without one, the reason."""
     tag = {"tag_id": one.tag_id, "name": one.name, "frequency_hz": one.frequency_hz}
     found = one.position
     if found is None:

@@ -1,7 +1,7 @@
-"""Which tag a number means, in logs that go together.
+"""Identify tags across logs that are analysed together.
 
-Logs that know frequencies alone number their tags in that order, each from 1; and a number in a
-list is given again to another animal. A tag is one number at one frequency.
+Logs without a tag list number their frequencies from 1, and a number in a list may be reused
+for another animal. A tag is therefore one number at one frequency.
 """
 
 import math
@@ -17,27 +17,27 @@ from uavrt.messages import PulsePose, Tag
 from uavrt.recording.formats.log import NUMBERED_BY_FREQUENCY, PulseLog
 
 _SAME_HZ = 2_000.0
-"""What two receivers measure of one tag's frequency differs by less."""
+"""Largest difference between two receivers' measurements of one tag's frequency [Hz]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ToldTag:
-    """What a tag is called."""
+class NamedTag:
+    """A tag's number, name and frequency."""
 
     tag_id: int
     frequency_hz: float | None
-    """Median of what was heard; None where the logs do not tell it."""
+    """Median of the received frequencies; None where the logs have none."""
     name: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SameTags:
-    """The tags of several logs, each under a key of its own."""
+    """The tags of several logs, each with a unique key."""
 
     keys: tuple[Mapping[int, int], ...]
-    """For each log: its number of a tag, and the key."""
-    told: Mapping[int, ToldTag]
-    """By key."""
+    """For each log: keys by the log's own tag number."""
+    tags: Mapping[int, NamedTag]
+    """Tags by key."""
     warnings: tuple[str, ...]
 
     def keyed(self, number: int, pulse_poses: Iterable[PulsePose]) -> tuple[PulsePose, ...]:
@@ -53,11 +53,11 @@ class SameTags:
 
 @dataclass(slots=True, kw_only=True)
 class _Group:
-    """What is one tag."""
+    """Appearances of one tag in several logs."""
 
     tag_id: int
     frequency_hz: float
-    """NaN where nobody tells it."""
+    """NaN where unknown."""
     heard: list["_Heard"] = field(default_factory=list)
 
 
@@ -68,13 +68,13 @@ class _Heard:
     log: int
     tag_id: int
     frequency_hz: float
-    """Median; NaN where it is not told."""
+    """Median; NaN where unknown."""
     named: bool
-    """Its number is from a list of tags."""
+    """True if its number is from a tag list."""
 
 
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
-    """Tell which numbers of several logs are one tag.
+    """Find which numbers of several logs are one tag.
 
     `listed`: the list of each log; empty where it has none.
     """
@@ -84,16 +84,16 @@ def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> Same
     numbers = {one.tag_id for one in groups} | {one.tag_id for tags in listed for one in tags}
     groups += _joined(groups, [one for one in heard if not one.named], numbers)
     keys: list[dict[int, int]] = [{} for _ in logs]
-    told: dict[int, ToldTag] = {}
+    tags: dict[int, NamedTag] = {}
     free = max(numbers | {one.tag_id for one in groups}, default=0)
     for group in groups:
         key = group.tag_id
-        if key in told:
+        if key in tags:
             key = free = free + 1
         for one in group.heard:
             keys[one.log][one.tag_id] = key
-        told[key] = _told(group, listed)
-    return SameTags(keys=tuple(keys), told=told, warnings=tuple(warnings))
+        tags[key] = _named(group, listed)
+    return SameTags(keys=tuple(keys), tags=tags, warnings=tuple(warnings))
 
 
 def _heard(number: int, log: PulseLog) -> list[_Heard]:
@@ -110,7 +110,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """One for each number, or one for each frequency that a number stands for."""
+    """One group for each number, or for each frequency that a number is used with."""
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]
@@ -135,7 +135,7 @@ def _group(tag_id: int, heard: list[_Heard]) -> _Group:
 
 
 def _given_again(groups: Sequence[_Group]) -> list[str]:
-    """Words for each number that stands for several tags."""
+    """Warnings about numbers that are used for several tags."""
     found = []
     for tag_id in dict.fromkeys(one.tag_id for one in groups):
         own = [one for one in groups if one.tag_id == tag_id]
@@ -151,7 +151,7 @@ def _given_again(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Tags known by frequency alone: added to listed ones, or new ones with free numbers."""
+    """Add tags known by frequency alone to listed ones, or as new ones with free numbers."""
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):
@@ -172,7 +172,7 @@ def _joined(
     return new
 
 
-def _told(group: _Group, listed: Sequence[Sequence[Tag]]) -> ToldTag:
+def _named(group: _Group, listed: Sequence[Sequence[Tag]]) -> NamedTag:
     names = [
         tag.name
         for one in group.heard
@@ -180,7 +180,7 @@ def _told(group: _Group, listed: Sequence[Sequence[Tag]]) -> ToldTag:
         if tag.tag_id == one.tag_id and tag.name
     ]
     known = math.isfinite(group.frequency_hz)
-    return ToldTag(
+    return NamedTag(
         tag_id=group.tag_id,
         frequency_hz=group.frequency_hz if known else None,
         name=names[-1] if names else None,

@@ -1,7 +1,7 @@
-"""A season in numbers: flights, minutes, what each animal took, batteries.
+"""Season statistics: flights, minutes, effort for each animal, batteries.
 
-Made of the flights in a folder. A flight that lies there twice, as the ground station received
-it and as the drone recorded it, counts once, as do the batteries that it flew with.
+Made of the flights in a folder. A flight that was both received by the ground station and
+recorded by the drone counts once, as do its batteries.
 """
 
 from collections.abc import Sequence
@@ -16,31 +16,30 @@ from uavrt.recording.outline import FlightOutline, read_outline
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHANGED_PERCENT = 10
-"""A battery that holds so much more than before is another one."""
+"""Least rise of the charge that indicates a changed battery [%]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnimalOfSeason:
-    """What one animal took."""
+    """Effort for one animal."""
 
     tag_id: int
     name: str | None
     frequency_hz: float
     flights: int
-    """In which it was searched for."""
+    """Flights that searched for it."""
     flights_heard: int
     minutes: float
-    """Of these flights."""
+    """Total duration of these flights."""
     minutes_to_hear: float | None
-    """From the start to its first pulse, mean of the flights that heard it."""
+    """Mean time from the start to its first pulse, over flights that heard it."""
     pulses: int
     last_heard_ns: int | None
-    """Start of the last flight that heard it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Season:
-    """A folder of flights in numbers."""
+    """Statistics of a folder of flights."""
 
     flights: int
     minutes: float
@@ -48,22 +47,21 @@ class Season:
     last_ns: int | None
     animals_heard: int
     minutes_per_animal: float | None
-    """Minutes of flight for each time that a flight heard an animal; None: none was heard."""
+    """Minutes of flight for each detection of an animal in a flight; None: no detections."""
     batteries: int
-    """That were put in, of flights that tell; see `flights_without_battery`."""
+    """Batteries used, of flights with battery data; see `flights_without_battery`."""
     batteries_used: float
-    """What was taken out of them, in full ones."""
+    """Charge used, in full batteries."""
     flights_without_battery: int
-    """Nobody noted what was left: flights without a ground station."""
+    """Flights without battery data, for lack of a ground station."""
     copies: int
-    """Directories that are a second copy of a flight."""
+    """Number of directories that are a second copy of a flight."""
     unreadable: tuple[str, ...]
-    """Names of directories that hold no readable flight."""
     animals: tuple[AnimalOfSeason, ...]
 
 
 def read_season(directory: Path) -> Season:
-    """Summarize the flights below a folder, at any depth.
+    """Summarise the flights below a folder, at any depth.
 
     Raises `FormatError`: there is no flight.
     """
@@ -101,11 +99,11 @@ def read_season(directory: Path) -> Season:
 
 
 _Animal = tuple[int, int]
-"""Id and frequency [kHz]: numbers are given again to other animals."""
+"""Id and frequency [kHz]: ids are reused for other animals."""
 
 
 def _minutes(flight: CopiesOfFlight) -> float:
-    """Length of the copy that is the longest."""
+    """Duration of the longest copy."""
     longest = max(one.end_time_ns - one.info.start_time_ns for one in flight)
     return longest / NANOSECONDS_PER_SECOND / 60.0
 
@@ -127,7 +125,7 @@ def _animals(flights: Sequence[CopiesOfFlight]) -> tuple[AnimalOfSeason, ...]:
 
 
 def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
-    """Summarize one animal: its flights in order of time, with the tag as each listed it."""
+    """Summarise one animal: its flights in order of time, with the tag as each listed it."""
     tag = searched[-1][0]
     heard = [flight[0] for _, flight in searched if tag.tag_id in flight[0].heard]
     firsts = ((one.heard[tag.tag_id].first_ns, one.info.start_time_ns) for one in heard)
@@ -146,9 +144,9 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Count batteries that were put in, and what was used of them, over all vehicles.
+    """Number of batteries and charge used, over all vehicles.
 
-    Of a flight's copies the one counts that saw most of its batteries.
+    Of a flight's copies, the one with most battery data counts.
     """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
@@ -167,6 +165,6 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
 
 
 def _taken_out(copy: FlightOutline) -> tuple[int, int]:
-    """What it saw of batteries: by how much they fell [%], and how often it noted them."""
+    """Charge drops [%] in one copy's battery reports, and the number of reports."""
     falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
     return sum(falls), len(copy.battery_percent)

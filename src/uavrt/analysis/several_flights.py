@@ -1,7 +1,7 @@
-"""Several flights of one tag judged together: the engine of ``uavrt integrate`` with several.
+"""Judge several flights of one tag together: the engine of ``uavrt integrate`` with several.
 
-Half of the false-alarm probability is for what all flights show together, the other half for
-what each shows alone, in equal parts. A tag that rests has one place in all flights.
+Half of the false-alarm probability is for all flights together. The other half is divided
+equally among the single flights. A tag that rests has one place in all flights.
 """
 
 import math
@@ -30,31 +30,30 @@ from uavrt.terrain.elevation import Elevation
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""From the middle of one flight to that of all: places are laid around the latter."""
+"""Largest distance of a flight's middle from that of all flights, where the places are [m]."""
 _TOGETHER = 0.5
-"""Of the false alarms, for the decision on all flights together."""
-_TOLD = 0.9
-"""Least probability that a flight's train is the tag's, for its pulses to be told."""
+"""Share of the false-alarm probability for the decision on all flights together."""
+_LISTED = 0.9
+"""Least probability that a flight's train is the tag's, for its pulses to be listed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TagOfFlights:
-    """What several flights say of one tag."""
+    """Result of several flights for one tag."""
 
     tag: Tag
     false_alarm_probability: float
-    """Of both decisions: that noise alone shows as much together, or in any flight alone."""
+    """Probability that noise alone gives such a result together, or in any flight alone."""
     found: bool
     together: bool
-    """Whether it is found by all flights together, and not only in one alone."""
+    """True if it is found by all flights together, and not only in one alone."""
     names: tuple[str, ...]
-    """Of the flights."""
     alone: tuple[float, ...]
-    """Chance of each, by itself."""
+    """False-alarm probability of each flight's result alone."""
     place: PlaceBelief | None
     """None when it was not found, or moves."""
     flights: tuple[IntegratedTag, ...]
-    """With the pulses of each flight that tells them, and the common place."""
+    """Result of each flight, with the pulses that can be attributed and the common place."""
 
 
 def share_alone(false_alarm_probability: float, flights: int) -> float:
@@ -63,7 +62,7 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags that all flights list, by their ids; `listed` are taken for all where given.
+    """Tags that all flights list, by id; `listed` replaces the flights' lists where given.
 
     Raises `UsageError`: they list none in common, one tag differently, or the same flight is
     named twice.
@@ -127,13 +126,13 @@ def judge_together(
     chance = min(1.0, by_all, min(alone) / share_alone(1.0, len(judged)))
     together = by_all <= false_alarm_probability
     heard = [one.heard(joint, number) for number, one in enumerate(views)]
-    telling = [number for number, one in enumerate(judged) if one.found or together]
+    with_tag = [number for number, one in enumerate(judged) if one.found or together]
     common = None
-    if telling and not moves:
-        common = place_belief([heard[number] for number in telling])
-    told = [
-        view.told(one, joint.trains[number], common, chance, len(views))
-        if number in telling
+    if with_tag and not moves:
+        common = place_belief([heard[number] for number in with_tag])
+    results = [
+        view.found(one, joint.trains[number], common, chance, len(views))
+        if number in with_tag
         else view.silent(one, joint.trains[number], chance, len(views))
         for number, (view, one) in enumerate(zip(views, heard, strict=True))
     ]
@@ -145,24 +144,23 @@ def judge_together(
         names=tuple(Path(one.info.directory).resolve().name for one in flights),
         alone=alone,
         place=common,
-        flights=tuple(told),
+        flights=tuple(results),
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _View:
-    """One of the flights, and the places looked at."""
+    """One of the flights, and the candidate places."""
 
     judged: IntegratedTag
     places: Places
     gain: _Floats
-    """(places, times) on the scale of the search."""
+    """(places, times) antenna gain on the scale of the search."""
     chosen: NDArray[np.intp]
-    """Rows of it that stand for all."""
+    """Rows that represent all others."""
 
     @property
     def listened(self) -> Listened:
-        """For the search."""
         return Listened(
             energies=self.judged.energies,
             gain=self.gain[self.chosen],
@@ -170,7 +168,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Its own train where it was found alone, else that of all flights."""
+        """Its own train if found alone, else that of all flights."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -182,7 +180,7 @@ class _View:
             one.energies, pulses, self.places, rates=rates, log_trains=trains
         )
 
-    def told(
+    def found(
         self,
         heard: HeardTrain,
         train: FoldedTrain,
@@ -190,20 +188,20 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """What the flight says of a tag that was found: its pulses, where they are its own."""
+        """The flight's result for a tag that was found, with pulses if they are the tag's."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
             odds = train_evidence(heard) - (heard.log_trains or 0.0)
-            sure = heard.log_trains is None or odds >= math.log(_TOLD / (1.0 - _TOLD))
+            sure = heard.log_trains is None or odds >= math.log(_LISTED / (1.0 - _LISTED))
         else:
-            place, sure = common, tag_share(heard, self.gain, common) >= _TOLD
+            place, sure = common, tag_share(heard, self.gain, common) >= _LISTED
         silent = self.silent(heard, train, chance, flights)
         return replace(silent, found=sure, place=place if sure else None)
 
     def silent(
         self, heard: HeardTrain, train: FoldedTrain, chance: float, flights: int
     ) -> IntegratedTag:
-        """What the flight says where nothing was found."""
+        """The flight's result where nothing was found."""
         one = self.judged
         kept = one.train if one.found else train
         return replace(

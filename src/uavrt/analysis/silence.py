@@ -1,7 +1,7 @@
-"""Where a flight would have heard a tag: one map for page, report and ``uavrt coverage``.
+"""Coverage of a flight for a tag: one map for page, report and ``uavrt coverage``.
 
-Of a tag that ``uavrt integrate`` looked for in vain it is the map of what judging the whole
-flight would have found; of others that of single groups of pulses.
+For tags that ``uavrt integrate`` searched without finding them, it is the coverage of judging
+the whole flight; for others that of single groups of pulses.
 """
 
 import math
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from uavrt.analysis.coverage import MapArea, MapSize, map_around
 from uavrt.analysis.flight_coverage import flight_coverage, flight_plane, frequency_window_hz
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
-from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
+from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization.antenna import PATTERNS, pattern_named
@@ -33,17 +33,17 @@ from uavrt.terrain.elevation import Elevation
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9
-"""Probability of being heard from which silence counts as telling."""
+"""Probability of being heard from which silence is evidence of absence."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Along the longer side: a flight of twenty minutes takes some seconds."""
+"""Cells along the longer side: a flight of twenty minutes takes some seconds."""
 _NOT_JUDGED = "the whole flight is not searched for it yet; uavrt integrate finds weaker tags"
-_NOBODY_LISTENED = (
+_NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
     "assumes one. uavrt integrate shows what its samples contain"
 )
-_NOT_TOLD = (
+_ANTENNA_UNKNOWN = (
     "an earlier version searched the whole flight for it and did not record the frequencies "
     "and the antenna: those of the flight are assumed"
 )
@@ -61,32 +61,33 @@ _AMBIGUOUS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SilentMap:
-    """With which probability a tag at each place would have been heard."""
+    """Probability that a tag at each place would have been heard."""
 
     tag_id: int
     tag_power_dbm: float
     coverage: Coverage
     heard_pulses: int
-    """Confirmed ones of this tag."""
+    """Number of confirmed pulses of this tag."""
     in_hindsight: bool
-    """Whether the whole flight showed it."""
+    """True if judging the whole flight found it."""
     ambiguous: bool
-    """Whether it showed a train that may be its own."""
+    """True if the whole flight has a train that may be the tag's."""
     noise: str
-    """What is known of the drone's, in words."""
+    """Description of the noise measurement used."""
     antenna: str
-    """Name of the pattern that it was made with."""
+    """Name of the antenna pattern used."""
     sure_within_m: float | None
-    """So near the flight it would have been heard everywhere with .9 or more; None: nowhere."""
+    """Distance from the flight within which it would be heard everywhere with probability .9 or
+    more; None: nowhere."""
 
     @property
     def heard(self) -> bool:
-        """Whether it was heard, or may have been: then silence tells nothing."""
+        """True if it was heard or perhaps heard, so that silence is no evidence."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
     def around(self) -> SilentAround:
-        """The map in three numbers, as they are kept with a verdict."""
+        """Three summary values of the map, kept with a verdict."""
         return SilentAround(
             tag_power_dbm=self.tag_power_dbm,
             probability=SURE,
@@ -107,9 +108,9 @@ class ListenedFlight:
     way_m: tuple[NDArray[np.float64], NDArray[np.float64]]
     """East and north of the flight in the plane of the map."""
     of_track: bool = False
-    """Whether no detector flew: poses and samples are another program's."""
+    """True for another program's poses and samples, without detectors."""
     detectors_ran: bool = True
-    """Whether anything tells that detectors of groups of pulses listened."""
+    """True if there is any record that detectors of groups of pulses ran."""
 
     @classmethod
     def read(
@@ -124,10 +125,10 @@ class ListenedFlight:
     ) -> "ListenedFlight":
         """Lay a map around a flight, by default of 120 cells, and read its noise.
 
-        What was said of the whole flight is read, too, where `verdicts` are not given.
+        Stored results of the whole flight are read where `verdicts` are not given.
 
         Raises `RecordingError`: it has no poses.
-        Raises `FormatError`: a file of heights, or of what was integrated, is damaged.
+        Raises `FormatError`: a file of heights or of stored results is damaged.
         Raises `UsageError`: the map would be too large.
         """
         plane, east, north = flight_plane(flight)
@@ -193,13 +194,13 @@ class ListenedFlight:
         if verdict is None:
             said.append(_NOT_JUDGED)
         elif searched is None and judged:
-            said.append(_NOT_TOLD)
+            said.append(_ANTENNA_UNKNOWN)
         if verdict is not None and verdict.ambiguous:
             said.append(_AMBIGUOUS)
         heard = judged or self.detectors_ran
         if not heard:
-            said.append(_NOBODY_LISTENED)
-        if antenna is None and not antenna_is_told(self.flight):
+            said.append(_NO_DETECTORS)
+        if antenna is None and not antenna_is_recorded(self.flight):
             said.append(_ANTENNA_ASSUMED.format(named))
         coverage = replace(coverage, limitations=tuple(said))
         return SilentMap(
@@ -218,7 +219,7 @@ class ListenedFlight:
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
-        """Why a search in vain does not tell of this tag; nothing where it does."""
+        """Reason why an unsuccessful search does not apply to this tag; empty where it does."""
         if searched is None:
             return ()
         found = _otherwise(tag, searched)
@@ -235,14 +236,14 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """The antenna that a flight was judged with, where this computer knows it, else its own."""
+    """Antenna that a flight was judged with if known here, else its own."""
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)
 
 
 def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
-    """What a search looked for otherwise, or less of, than the list has now."""
+    """Differences between a search's settings and the present list."""
     found = []
     listed = (tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s)
     sought = (
@@ -265,7 +266,7 @@ def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """Whether a whole flight showed a tag, at the false alarms of the map or its own."""
+    """True if a whole flight found a tag, at the map's false-alarm probability or its own."""
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -281,16 +282,16 @@ def silent_map(
 ) -> SilentMap:
     """Map where a flight would have heard a tag, with the budget of `uavrt coverage`.
 
-    `directory`: of the flight, where its noise and what was integrated are read.
+    `directory`: the flight, with its noise and stored results.
     `tag_id`: listed in it.
-    `tag_power_dbm`: that it radiates.
-    `elevation`: None takes the ground for level.
+    `tag_power_dbm`: radiated power.
+    `elevation`: None assumes level ground.
     `antenna`: name of its pattern; by default the flight's.
-    `on_pulse`: takes how many pulses are done, and of how many.
+    `on_pulse`: receives the number of pulses done, and the total.
     Raises `UsageError`: the flight does not list the tag, or is too long; or there is no such
     antenna.
     Raises `RecordingError`: it has no poses.
-    Raises `FormatError`: a file of heights, or of what was integrated, is damaged.
+    Raises `FormatError`: a file of heights or of stored results is damaged.
     """
     tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
     if tag is None:
@@ -312,14 +313,14 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Map where a flight just judged would have found those tags that it did not, by tag.
+    """Maps for the tags that a flight just judged did not find, by tag.
 
     The maps are those of `uavrt coverage FLIGHT`, made before the verdicts are kept. Tags that
-    were heard, or may have been, have none: of them silence tells nothing.
+    were heard, or perhaps heard, have none.
 
-    `tag_power_dbm`: that they radiate.
-    `elevation`: None takes the ground for level.
-    `on_pulse`: takes how many pulses are done, and of how many.
+    `tag_power_dbm`: radiated power.
+    `elevation`: None assumes level ground.
+    `on_pulse`: receives the number of pulses done, and the total.
     Raises `UsageError`: the flight is too long.
     Raises `RecordingError`: it has no poses.
     Raises `FormatError`: a file of heights is damaged.
@@ -346,7 +347,7 @@ def silent_maps(
 
 
 def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
-    """That of `uavrt coverage`, whose maps take the height from the flight."""
+    """Link budget of `uavrt coverage`, whose maps take the height from the flight."""
     return LinkBudget(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -358,11 +359,12 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """How near a way a tag is heard everywhere with .9 or more; None where nowhere.
+    """Distance from a path within which a tag is heard with .9 or more everywhere; None:
+    nowhere.
 
-    Ground of unknown height counts as not heard; as far as the map goes at most.
+    Ground of unknown height counts as not heard; the map's extent is the maximum.
 
-    `east_m`, `north_m` (n,): the way, in the plane of the map.
+    `east_m`, `north_m` (n,): the path, in the plane of the map.
     """
     from scipy.spatial import KDTree
 
@@ -384,7 +386,7 @@ def sure_within_m(
 
 
 def around_in_words(around: SilentAround) -> str:
-    """Say how near the flight a tag would have been found, were it there."""
+    """Sentence on the distance from the flight within which a tag would have been found."""
     what = "found" if around.whole_flight else "heard"
     power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
     if around.within_m is None:
@@ -399,7 +401,7 @@ def around_in_words(around: SilentAround) -> str:
 
 
 def _rounded_down(metres: float) -> float:
-    """To two digits: more would be made up."""
+    """Round down to two digits."""
     step = 10.0 ** max(0, math.floor(math.log10(max(metres, 1.0))) - 1)
     return math.floor(metres / step) * step
 

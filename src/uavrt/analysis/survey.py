@@ -1,4 +1,4 @@
-"""Everything known from a flight or an old log, gathered once for reports and exports."""
+"""All data and estimates of a flight or pulse log, for reports and exports."""
 
 import math
 import os
@@ -65,50 +65,49 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
-    """A flight or a pulse log with what follows from it."""
+    """A flight or a pulse log with all estimates."""
 
     name: str
     kind: LogKind
     antenna: str
     """Name of the pattern that the bearings were estimated with."""
     pattern: AntennaPattern | None = None
-    """The same as the turns have shown it; None without a turn."""
+    """That pattern as corrected by the turns; None without a turn."""
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the pulses carry."""
     pulse_poses: tuple[PulsePose, ...]
-    """In order of time."""
     track: tuple[Pose, ...]
-    """Where the vehicle was; of a log without it, where its pulses were heard."""
+    """Poses of the vehicle; places of the pulses for a log without poses."""
     bearings: tuple[TagBearing, ...] = ()
     positions: tuple[TagPosition, ...] = ()
     signals: tuple[TagSignal, ...] = ()
-    """Of a survey with a monopole: strength over the ground and over height."""
+    """Signal strength over ground and height, for a survey with a monopole."""
     warnings: tuple[str, ...] = ()
     info: FlightInfo | None = None
     health: tuple[Health, ...] = ()
     search_reports: tuple[SearchReport, ...] = ()
     beeps: tuple[Beep, ...] = ()
-    """What beeped in the flight, listed or not."""
+    """Received signals, listed or not."""
     search_notes: tuple[SearchNote, ...] = ()
-    """Of searches that the drone flew by itself."""
+    """Log entries of autonomous searches."""
     status_texts: tuple[tuple[int, StatusText], ...] = ()
     notes: tuple[tuple[int, str], ...] = ()
     integrated: tuple[PulsePose, ...] = ()
-    """Pulses that ``uavrt integrate`` saw in hindsight; no bearing or position is of them."""
+    """Pulses found by ``uavrt integrate``; not used for bearings or positions."""
     verdicts: tuple[IntegratedVerdict, ...] = ()
-    """What it said of each tag."""
+    """Results of ``uavrt integrate`` for each tag."""
     folds: tuple[FlightFold, ...] = ()
-    """Of the tags that it judged."""
+    """Folds of the tags that it judged."""
     silences: "tuple[SilentMap, ...]" = ()
-    """Maps of where tags would have been heard, where their power was told."""
+    """Coverage maps, where the tag's power was given."""
     facts: Facts = field(default_factory=Facts)
-    """What people tell of it in a report.toml."""
+    """Contents of the flight's report.toml."""
     maps: tuple[MapFile, ...] = ()
-    """Map files of pictures, for what lies under the flight in a report."""
+    """Map files for the background of a report."""
 
     @property
     def tag_ids(self) -> tuple[int, ...]:
-        """Numbers of all tags that were heard or looked for."""
+        """Numbers of all tags that were heard or searched for."""
         listed = () if self.info is None else self.info.tags
         heard = {one.pulse.tag_id for one in self.pulse_poses}
         judged = {one.tag_id for one in self.verdicts}
@@ -125,14 +124,14 @@ class Survey:
 
     @property
     def every_pulse(self) -> tuple[PulsePose, ...]:
-        """All pulses in the order of time, those seen in hindsight among them."""
+        """All pulses in order of time, including those found by ``uavrt integrate``."""
         if not self.integrated:
             return self.pulse_poses
         both = (*self.pulse_poses, *self.integrated)
         return tuple(sorted(both, key=lambda one: one.pulse.start_time_ns))
 
     def verdict_of(self, tag_id: int) -> IntegratedVerdict | None:
-        """Get what a whole flight said of one tag; None when nobody has asked."""
+        """Result of ``uavrt integrate`` for one tag; None if it was not run."""
         return next((one for one in self.verdicts if one.tag_id == tag_id), None)
 
     def bearings_of(self, tag_id: int) -> tuple[TagBearing, ...]:
@@ -140,13 +139,13 @@ class Survey:
         return tuple(one for one in self.bearings if one.tag_id == tag_id)
 
     def position_of(self, tag_id: int) -> TagPosition | None:
-        """Get one tag's position, or why there is none."""
+        """Get one tag's position, or the reason why there is none."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """When a tag was at its position: at the end of its last bearing, or last pulse.
+        """Time of a tag's position: end of its last bearing, or last pulse.
 
-        One that walked was there at the last time of its way.
+        For a walking tag, the last time on its path.
         """
         found = self.position_of(tag_id)
         if found is not None and found.position is not None and found.position.track:
@@ -156,7 +155,7 @@ class Survey:
         return max(bearings or heard, default=None)
 
     def signal_of(self, tag_id: int) -> TagSignal | None:
-        """Get what one tag's strength says, in a survey with a monopole."""
+        """Signal strength results of one tag, in a survey with a monopole."""
         return next((one for one in self.signals if one.tag_id == tag_id), None)
 
     @property
@@ -166,7 +165,7 @@ class Survey:
 
     @property
     def vehicle(self) -> str | None:
-        """Number and name of the vehicle, as a ground station noted them; None of others."""
+        """Number and name of the vehicle, if recorded by a ground station."""
         return vehicle_of(self.notes)
 
     def label(self, tag_id: int) -> str:
@@ -176,7 +175,7 @@ class Survey:
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
-        """First and last time of anything in it; None when there is nothing."""
+        """First and last time of any record; None when there is none."""
         times = [pose.time_ns for pose in self.track]
         times += [one.pulse.start_time_ns for one in self.pulse_poses]
         if self.info is not None:
@@ -202,7 +201,7 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
     FormatError
         It is neither a flight nor a pulse log.
     UsageError
-        There is no such antenna, or the report.toml beside it is damaged.
+        There is no such antenna, or its report.toml is damaged.
     """
     how, recorded = how or ReadAs(), read_recorded(path)
     antenna = how.antenna or recorded.antenna
@@ -248,7 +247,7 @@ def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Surv
 
 
 def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimated:
-    """Estimate by the pattern that past flights teach, too."""
+    """Estimate with the pattern learnt from past flights, too."""
     heard = recorded.heard(recorded.antenna)
     past: list[list[HeardInTurn]] = []
     if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:
@@ -260,7 +259,7 @@ def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimate
 
 
 def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
-    """Add what else a flight directory holds."""
+    """Add the other records of a flight directory."""
     warnings = list(survey.warnings)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
@@ -290,7 +289,7 @@ def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
 
 
 def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
-    """Keep the first pose of each step of time; the last one stays too."""
+    """Keep the first pose of each step of time, and the last one."""
     first = [
         next(group)
         for _, group in groupby(track, lambda p: p.time_ns // (step_s * NANOSECONDS_PER_SECOND))
@@ -301,7 +300,7 @@ def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
 
 
 def _on_earth(poses: Iterable[Pose | None]) -> tuple[Pose, ...]:
-    """Poses with a place, each time once, in order."""
+    """Poses with a place, in order; one for each time."""
     found = {
         pose.time_ns: pose
         for pose in poses

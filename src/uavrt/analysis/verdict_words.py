@@ -1,4 +1,4 @@
-"""Words of a whole flight's verdict: for the command line, the report and the status text."""
+"""Sentences on a whole flight's result: for command line, report and status text."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from uavrt.integration.train_place import PlaceBelief
 from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict
 
 ALL_ROUND_DEG = 330.0
-"""A wider arc is no direction."""
+"""Width from which an arc is no direction [deg]."""
 
 
 def where_in_words(
@@ -15,11 +15,11 @@ def where_in_words(
     parts: Sequence[IntegratedPart],
     flown: str = "the flight",
 ) -> list[str]:
-    """Say where a tag is: in one place, in one of several, or in which direction.
+    """Sentence on a tag's place: one place, one of several, or a direction.
 
-    `place`: with bearing and arcs from the middle of what was flown, coordinates and radii.
-    `parts`: the places, the likeliest first.
-    `flown`: what was flown, after "middle of".
+    `place`: with bearing and arcs from the middle of the flight, coordinates and radii.
+    `parts`: the places, most likely first.
+    `flown`: phrase for the flown path, after "middle of".
     """
     if len(parts) > 1:
         each = "; ".join(

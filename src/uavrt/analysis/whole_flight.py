@@ -1,8 +1,8 @@
 """Judge whole flights from recorded samples: the engine of ``uavrt integrate``.
 
-Of a recording of the band or of a channel, and of the poses of the flight in which it was made:
-each tag's verdict at a false-alarm probability for the flight, its interval and frequency, the
-pulses seen in hindsight, and where it is.
+The inputs are a recording of the band or of a channel, and the poses of its flight. Each tag
+gets a verdict at a false-alarm probability for the flight, interval and frequency, pulses, and
+place.
 """
 
 import math
@@ -34,9 +34,9 @@ from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 POSITION_M = 2000.0
-"""A place whose 95 % circle is wider is told as a bearing."""
+"""Radius of the 95 % circle above which only a bearing is reported [m]."""
 LEAST_PART = 0.05
-"""A part of the ground less likely is not told of by itself."""
+"""Least probability of a part of the ground to be listed by itself."""
 _LOOK_S = 0.5
 _MOST_CHANNELS = 8
 """Channels kept at once: 36 MB each for ten minutes."""
@@ -46,46 +46,45 @@ Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IntegratedTag:
-    """What a whole flight says of one tag."""
+    """Result of a whole flight for one tag."""
 
     tag: Tag
     found: bool
     train: FoldedTrain
     pulses: TrainPulses
     place: PlaceBelief | None
-    """None when it was not found."""
     energies: SlotEnergies
     places: Places
     searched_place: int
-    """Row of `places` whose weights showed the train best."""
+    """Row of `places` whose weights gave the strongest train."""
     others: tuple[OtherTrain, ...]
     """Trains on its frequency at intervals that the list does not allow."""
     heard_alone: int
     """Confirmed pulses of this tag in the flight's own log."""
     flights: int = 1
-    """That were judged together."""
+    """Number of flights judged together."""
     limitations: tuple[str, ...] = ()
-    """What the figures do not hold for, in words."""
+    """Sentences on where the figures do not apply."""
     searched: SearchedFor
-    """With what was looked for it."""
+    """Settings of the search for it."""
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """What it may have been taken for: a train at a small ratio of its interval."""
+        """Train at a small ratio of its interval that may be the same transmitter."""
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)
 
     @property
     def pulse_times_ns(self) -> NDArray[np.int64]:
-        """(n,) beginnings of the train's pulses, within jitter and slot [ns, UTC]."""
+        """(n,) starts of the train's pulses, within jitter and slot [ns, UTC]."""
         since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgeAs:
-    """How whole flights are judged."""
+    """Settings for judging whole flights."""
 
     pattern: AntennaPattern
     frequency_window_hz: float = 500.0
@@ -95,13 +94,13 @@ class JudgeAs:
     most_drift: float = 0.0
     """Largest relative change of the interval over the flight, up or down."""
     antenna_assumed: bool = False
-    """The antenna is not known: the results then say so."""
+    """True if the antenna is not known; the results then say so."""
     elevation: Elevation | None = None
     """Heights of the ground: hills weaken pulses, and explain silence."""
     on_progress: Callable[[int, int | None], None] | None = None
-    """Takes the samples read and their total."""
+    """Receives the samples read and their total."""
     on_tag: Callable[[int], None] | None = None
-    """Takes how many tags are done."""
+    """Receives the number of tags done."""
 
 
 def integrate_flight(
@@ -109,11 +108,11 @@ def integrate_flight(
 ) -> list[IntegratedTag]:
     """Judge a whole flight for each tag.
 
-    `source`: what was recorded in it; the caller closes it.
+    `source`: its recording; the caller closes it.
     `tags`: at least one.
     Raises `ConfigError`: there are no tags.
-    Raises `RecordingError`: the recording is too short for this or holds nothing but zeros, or
-    the flight has no poses.
+    Raises `RecordingError`: the recording is too short or holds nothing but zeros, or the
+    flight has no poses.
     Raises `UsageError`: recording and poses are not of the same time.
     """
     if not tags:
@@ -198,7 +197,7 @@ def _window_held(
 
 
 def searched_for(tag: Tag, how: JudgeAs) -> SearchedFor:
-    """What a search looks for: kept with its verdict."""
+    """Settings of a search, kept with its verdict."""
     return SearchedFor(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
@@ -221,14 +220,14 @@ def judged_tag(
     how: JudgeAs,
     hills: HillLosses | None,
 ) -> IntegratedTag:
-    """Search one tag's train, and place it if it is one."""
+    """Search one tag's train, and locate it if found."""
     searched = searched_for(tag, how)
     places = places_around(
         poses, how.pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
     )
     limitations = (
         *limits_of(energies, poses),
-        *(() if hills is None else hills.told()),
+        *(() if hills is None else hills.cautions()),
         *assumed_in_words(searched),
     )
     energies = with_poses(energies, poses)
@@ -267,7 +266,7 @@ def judged_tag(
 
 
 def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
-    """Say that an antenna was assumed; nothing where it was told."""
+    """Sentence that an antenna was assumed; empty where it is known."""
     if not searched.antenna_assumed:
         return ()
     return (
@@ -284,7 +283,8 @@ def channel_samples(
 ) -> dict[int, Channel]:
     """Read a whole recording into the samples of the channels in use.
 
-    Of a damaged one what comes before the fault is used if `on_fault` takes it, in words.
+    If `on_fault` is given, a damaged recording is used up to the fault, which `on_fault`
+    receives.
     """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
@@ -315,7 +315,7 @@ def channel_samples(
 
 
 def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | None:
-    """The ground under a flight, counted from where it took off; None is level."""
+    """Ground under a flight, relative to its take-off; None is level."""
     if elevation is None:
         return None
     over = OverGround.of(elevation, PoseColumns.of(flight.poses))
@@ -323,7 +323,7 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
 
 
 def chance_in_words(probability: float, flights: int = 1) -> str:
-    """Say how often noise alone would show as much, in one flight or in so many together."""
+    """Sentence on how often noise alone would show as much, in one or several flights."""
     what = "flights" if flights == 1 else f"groups of {flights} flights"
     if probability >= 0.01:
         # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.

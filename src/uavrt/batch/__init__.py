@@ -1,11 +1,11 @@
-"""Whole archives of recordings under one tag list, to Parquet, and questions over them.
+"""Search whole archives of recordings under one tag list, to Parquet, and query the results.
 
-`recordings` finds what there is, `copies` leaves out what is there twice, and `names` gives
-each flight a name of its own. `cells` cuts a recording, `cell_work` detects in a cell,
-`detecting` makes recordings of cells again.
-`flight_work` makes poses, bearings and positions of a flight's pulses, `placing` of all.
-`workers` runs tasks side by side, `tables` writes Parquet, `ledger` knows what is done, `run`
-does it all; `questions` asks the tables, `flight_search` finds flights in them.
+`recordings` finds recordings, `copies` leaves out second copies, `names` gives each flight a
+unique name. `cells` cuts a recording, `cell_work` detects in a cell, `detecting` combines cells
+into recordings. `flight_work` makes poses, bearings and positions of a flight's pulses,
+`placing` of all. `workers` runs tasks in parallel, `tables` writes Parquet, `ledger` records
+finished work, `run` controls it all; `questions` queries the tables, `flight_search` finds
+flights in them.
 """
 
 from typing import TYPE_CHECKING

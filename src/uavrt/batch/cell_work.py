@@ -1,4 +1,4 @@
-"""Detect in one cell: the samples in, its pulses out."""
+"""Detect in one cell: samples in, pulses out."""
 
 import errno
 import time
@@ -23,26 +23,26 @@ from uavrt.radio.recording import RecordingSource
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What a cell gave."""
+    """Pulses and counts of a cell."""
 
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
     beeps: list[Beep] = msgspec.field(default_factory=list)
-    """What beeps, listed or not."""
+    """Received signals, listed or not."""
     lost_samples: int = 0
     invalid_values: int = 0
     cpu_s: float = 0.0
     searched: bool = False
-    """At least one of its samples was."""
+    """True if at least one of its samples was searched."""
     fault: str | None = None
-    """Why it ends early, or gave nothing."""
+    """Why it ends early, or has no result."""
     unreachable: bool = False
-    """The samples could not be reached: the next run tries again."""
+    """True if the samples could not be reached: the next run tries again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellTask:
-    """What a worker is asked to do."""
+    """A worker's task: one cell."""
 
     recording: Recording
     cell: Cell
@@ -50,11 +50,11 @@ class CellTask:
     frequency_window_hz: float
 
     def packed(self) -> "CellTask":
-        """Give it as it is: the samples stay where they are."""
+        """Return the task unchanged: the samples stay where they are."""
         return self
 
     def failed(self, fault: str) -> CellResult:
-        """Give a result when nothing could be done."""
+        """Result for a task that could not be done."""
         return CellResult(number=self.cell.number, fault=fault)
 
     def work(
@@ -73,7 +73,7 @@ def work_on(
     """Detect in a cell.
 
     `should_stop`: called at each block; True leaves the cell undone.
-    `on_samples`: takes how many samples were done since it was last called.
+    `on_samples`: receives the number of samples done since its last call.
     Returns: None: stopped before the end.
     """
     cell, began_s = task.cell, time.process_time()
@@ -129,7 +129,7 @@ def work_on(
 
 
 def keep_cell(directory: Path, result: CellResult) -> None:
-    """Keep what a cell gave until all cells of its recording are done.
+    """Store a cell's result until all cells of its recording are done.
 
     Raises `OSError`: it cannot be written.
     """
@@ -138,7 +138,7 @@ def keep_cell(directory: Path, result: CellResult) -> None:
 
 
 def kept_cell(directory: Path, number: int) -> CellResult | None:
-    """Read what `keep_cell` has kept; None of a cell that is to be done, also again."""
+    """Read what `keep_cell` stored; None for a cell that must be done, or done again."""
     try:
         content = read_note(directory / str(number))
         result = msgspec.msgpack.decode(content, type=CellResult)
@@ -159,7 +159,7 @@ def _chain(task: CellTask, source: RecordingSource) -> DetectionChain:
 
 
 def _gone(task: CellTask, error: UavrtError) -> bool:
-    """Whether the samples cannot be reached now; a bad place on a disk stays as it is."""
+    """True if the samples cannot be reached now; a bad sector of a disk is permanent."""
     if not out_of_reach(error):
         return False
     cause = error.__cause__
@@ -173,10 +173,10 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """Whether a pulse is of the cell's own time, or so near to it that it may be."""
+    """True if a pulse lies in the cell's own time, or so near that it may."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 
 def _plain(value: np.generic) -> object:
-    """Turn a number of numpy's into one of Python's."""
+    """Convert a numpy number to a Python number."""
     return value.item()

@@ -1,7 +1,7 @@
-"""Where a recording is cut, so that no result depends on who computes what.
+"""Cut recordings into cells on a fixed grid, so that results are the same for any workers.
 
-The detector starts anew on a fixed grid of the recording's own time. Each cell reads some
-seconds of the one before, so that noise and tracks are known when its own time begins.
+The detector restarts in each cell. Each cell also reads some seconds of the one before, so that
+noise and tracks are settled when its own time begins.
 """
 
 import math
@@ -18,16 +18,15 @@ LEAD_IN_S = 120.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """A piece of a recording that is judged by itself; places are samples in the file."""
+    """A piece of a recording that is searched by itself; places are samples in the file."""
 
     number: int
-    """On the grid, from 0."""
     lead_in: int
-    """Where reading begins."""
+    """First sample to read."""
     end: int
-    """Where it ends."""
+    """End of the samples to read."""
     begin_ns: int | None
-    """Pulses from here on count; None: from the recording's first sample."""
+    """Pulses from this time on count; None: from the recording's first sample."""
 
 
 def cells_of(
@@ -39,11 +38,11 @@ def cells_of(
 ) -> list[Cell]:
     """Cut a recording.
 
-    `segments`: where its samples lie.
+    `segments`: places of its samples.
     `sample_rate_hz`: of the recording [Hz].
     `cell_s`: distance of the grid's lines, from the recording's first sample on; lost samples
     count as time.
-    `lead_in_s`: length of the time before that is read again.
+    `lead_in_s`: time before each cell that is read again.
     """
     held = [one for one in segments if one.count]
     if not held:
@@ -71,7 +70,7 @@ def cells_of(
 
 
 def _place(held: Sequence[Segment], sample_rate_hz: float, index: int) -> tuple[int, int]:
-    """Get the first sample at or after an index: its place in the file, and its time."""
+    """File place and time of the first sample at or after an index."""
     done = 0
     for segment in held:
         if index < segment.sample_index + segment.count:

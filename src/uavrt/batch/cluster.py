@@ -1,7 +1,7 @@
-"""The same tasks on a Dask cluster: workers on any machines that see the same files.
+"""Run tasks on a Dask cluster: workers on any machines that see the same files.
 
-A file in the output says which run is going on. Workers read it now and then: when it is gone,
-or names another run, theirs has ended, and they leave their task.
+A file in the output identifies the current run. Workers read it now and then. When it is gone
+or names another run, they abandon their task.
 """
 
 import logging
@@ -25,26 +25,26 @@ from uavrt.heap import heap_as_it_grows
 R = TypeVar("R")
 CONNECT_S = 15.0
 NO_WORKER_S = 3.0
-"""So long without a worker is said."""
+"""Time without a worker after which a message is shown [s]."""
 _CLOSE_S = 0.5
 _LOOK_S = 0.5
 _QUEUED_LEAST = 64
-"""Tasks handed out however few workers there are: a cluster that grows does so by its queue."""
+"""Least number of queued tasks: an adaptive cluster grows with its queue."""
 
 
 class Sign:
-    """The file that says which run is going on, for workers to read."""
+    """File that identifies the current run for workers."""
 
     def __init__(self, path: Path, run: str) -> None:
         self._path, self._run = path, run
         self._read_s, self._stop = 0.0, False
 
     def put_up(self) -> None:
-        """Say that the run goes on."""
+        """Write the file."""
         write_atomically(self._path, self._run, sync=False)
 
     def should_stop(self) -> bool:
-        """Whether the run has ended."""
+        """True if the run has ended."""
         now_s = time.monotonic()
         if now_s - self._read_s >= _LOOK_S and not self._stop:
             self._read_s = now_s
@@ -61,13 +61,13 @@ def run_on_cluster(
     on_done: Callable[[int], None],
     on_wait: Callable[[str], None],
 ) -> Iterator[tuple[int, R]]:
-    """Work on tasks; yield each one's number and result as it is done.
+    """Run tasks; yield each one's number and result as it is done.
 
     `scheduler`: ``tcp://HOST:PORT``.
     `folder`: seen by all workers under the same name.
     `should_stop`: True ends it.
-    `on_done`: takes how much was done since it was last called.
-    `on_wait`: takes a text when no worker comes.
+    `on_done`: receives the amount done since its last call.
+    `on_wait`: receives a text when there is no worker.
     Raises `UsageError`: no scheduler answers there, or the extra is missing.
     Raises `LinkError`: the scheduler has gone.
     """
@@ -78,8 +78,6 @@ def run_on_cluster(
 
 
 class _Cluster:
-    """A crew of a Dask cluster's workers."""
-
     def __init__(self, scheduler: str, folder: Path, on_wait: Callable[[str], None]) -> None:
         with needs_extra("batch", "--scheduler"):
             import distributed
@@ -107,14 +105,14 @@ class _Cluster:
         self._threads, self._looked_s, self._alone_s = 0, 0.0, time.monotonic()
 
     def close(self) -> None:
-        """Have workers leave what they do."""
+        """Stop the workers' tasks."""
         self._file.unlink(missing_ok=True)
         with suppress(OSError, TimeoutError):
             self._executor.shutdown(wait=False)
             self._client.close(timeout=_CLOSE_S)
 
     def at_once(self) -> int:
-        """How many tasks to hand out: enough that none waits for us, and a cluster grows."""
+        """Number of tasks to hand out: no worker idles, and an adaptive cluster grows."""
         now_s = time.monotonic()
         if now_s - self._looked_s > 1.0 and self._client.status == "running":
             self._looked_s = now_s
@@ -131,7 +129,6 @@ class _Cluster:
         return max(_QUEUED_LEAST, 2 * self._threads)
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
-        """Hand one out."""
         packed = pickle.dumps(task)
         with _scheduler_there():
             return self._executor.submit(
@@ -150,7 +147,7 @@ class _Cluster:
                 return task.failed("workers ended again and again with this in hand")
 
     def done(self) -> int:
-        """How much all of them have done."""
+        """Amount done by all workers."""
         return self._done
 
     def _count(self, event: Any) -> None:
@@ -159,7 +156,7 @@ class _Cluster:
 
 @contextmanager
 def _scheduler_there() -> Iterator[None]:
-    """Name it when the scheduler has gone; Dask says so in many ways."""
+    """Raise `LinkError` for the various errors by which Dask reports a lost scheduler."""
     try:
         yield
     except (CancelledError, OSError) as error:
@@ -170,26 +167,25 @@ def _scheduler_there() -> Iterator[None]:
 
 
 class _Teller:
-    """Tells the run how much is done, not more often than anybody looks."""
+    """Reports progress to the run, at most as often as it is displayed."""
 
     def __init__(self, run: str) -> None:
         from distributed import get_worker
 
         self._worker, self._run = get_worker(), run
-        self._amount, self._told_s = 0, time.monotonic()
+        self._amount, self._reported_s = 0, time.monotonic()
 
     def add(self, amount: int) -> None:
         self._amount += amount
-        if time.monotonic() - self._told_s >= _LOOK_S:
+        if time.monotonic() - self._reported_s >= _LOOK_S:
             self.flush()
 
     def flush(self) -> None:
         self._worker.log_event(self._run, self._amount)
-        self._amount, self._told_s = 0, time.monotonic()
+        self._amount, self._reported_s = 0, time.monotonic()
 
 
 def _work(packed: bytes, file: Path, run: str, version: str) -> Any:
-    """Do a task; on a worker."""
     heap_as_it_grows()
     task: Task[Any] = pickle.loads(packed)
     if version != uavrt.__version__:

@@ -1,4 +1,4 @@
-"""Flights that are there twice, as the drone recorded them and as the ground station did."""
+"""Flights that exist twice: recorded by the drone, and by the ground station."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,25 +19,24 @@ from uavrt.recording.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Find which flights are copies, and of which; by the rule of a season's summary.
+    """Find copies of flights by the rule of a season's summary.
 
-    Of copies that one counts which has more to search: recordings, kept channels, pulses; of
-    equals the one that was placed before. Two flights that both kept samples and heard nothing
-    are two, whenever they were.
+    The copy with more to search counts: recordings, kept channels, pulses. Among equals, the
+    one that was placed before counts. Two flights with samples and without pulses are separate,
+    whatever their times.
 
-    `recordings`, `flights`: what is done: a flight is also a copy of one that was placed before
-    and is away now.
+    `recordings`, `flights`: finished rows, which include flights that are away now.
     `output`: where outlines of the flights are kept for the next run.
     Returns: the flight that counts, by directory of each copy.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
-    told = {
+    listed = {
         Path(copy): Path(path)
         for path, row in known.items()
         if not FlightLayout(Path(path)).database.is_file()
         for copy in row.copies.splitlines()
     }
-    copies = {one: told[one] for one in found.flights if one in told}
+    copies = {one: listed[one] for one in found.flights if one in listed}
     groups = _groups({*found.flights, *map(Path, known)} - copies.keys(), output)
     directories = {one.directory for group in groups for one in group}
     searched = {
@@ -67,7 +66,7 @@ def copies_of(
 
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
-    """Leave copies of flights out, with their recordings; and how many they are."""
+    """Leave copies of flights out, with their recordings; also returns their number."""
     left = replace(
         found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
@@ -79,7 +78,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Take away what was once made of copies whose flight is placed now.
+    """Remove results of copies whose flight is placed now.
 
     Raises `OSError`: the directory cannot be written.
     """
@@ -98,15 +97,14 @@ class _Outlined(msgspec.Struct, frozen=True):
 
 
 class _Kept(msgspec.Struct, frozen=True):
-    """What the last run has found."""
+    """Copies found in the last run."""
 
     flights: dict[str, _Outlined] = {}  # a struct copies it
     groups: list[list[str]] = []
-    """Directories of the copies of each flight."""
 
 
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
-    """Put copies together, of flights that can be read; unless all are as they were."""
+    """Group copies of readable flights; reuses the last groups if no flight changed."""
     kept, found = _kept(output), dict[str, _Outlined]()
     for directory in sorted(directories):
         try:

@@ -1,4 +1,4 @@
-"""The first half of a batch: pulses of each recording, cell by cell."""
+"""First half of a batch: pulses of each recording, cell by cell."""
 
 import hashlib
 import shutil
@@ -30,7 +30,7 @@ UNFINISHED = "unfinished"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Facts:
-    """What a recording says of itself; nothing when it cannot be opened."""
+    """A recording's own metadata; empty when it cannot be opened."""
 
     start_time_ns: int | None = None
     length_s: float | None = None
@@ -41,20 +41,20 @@ class _Facts:
 
 @dataclass(slots=True)
 class _Job:
-    """A recording's search, and what has come of it."""
+    """Search of one recording, and its results so far."""
 
     recording: Recording
     key: str
     facts: _Facts
     cells: int = 0
-    """How many it has in all."""
+    """Number of cells in all."""
     results: list[CellResult] = field(default_factory=list)
 
 
 class Detecting:
-    """What is to be detected, and what becomes of it.
+    """Schedules detection tasks and collects their results.
 
-    `ledger`: what is done.
+    `ledger`: finished recordings.
     """
 
     def __init__(
@@ -70,18 +70,17 @@ class Detecting:
             if ledger.done(kept.name) is not None:  # a cut came before they were removed
                 shutil.rmtree(kept)
         self._jobs: list[_Job] = []
-        """Of each task."""
         self.keys: dict[Path, str] = {}
-        """Of recordings that can be opened, by path."""
+        """Keys of recordings that can be opened, by path."""
         self.kept: dict[str, str] = {}
-        """Recordings that cannot be reached now, and why: what was done of them stays."""
+        """Recordings that cannot be reached now, with the reason; earlier results are kept."""
         self.done_before = 0
         self.tasks: list[CellTask] = []
         self.dated_by_file: dict[str, str] = {}
-        """Recordings that begin by the date of their file alone, with what is said of that."""
+        """Recordings dated only by their file's time, with a warning."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
-        """Add what is to be done with a recording; a row when nothing can be."""
+        """Add the tasks of a recording; returns a row when there are none."""
         try:
             key = _key(recording, self._sought, self._settings)
             self.keys[recording.path] = key
@@ -111,14 +110,14 @@ class Detecting:
         return row
 
     def _take_known(self, recording: Recording) -> bool:
-        """Go by what was done of a recording before, under whatever settings, if anything."""
+        """Use earlier results of a recording, with whatever settings, if there are any."""
         known = self._ledger.of(recording.name)
         if known is not None:
             self.keys[recording.path] = known.fingerprint
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Take a task's result; a row when it was a recording's last, and it has one of it.
+        """Take a task's result; returns the row of a recording when it was the last one.
 
         Raises `OSError`: the directory cannot be written.
         """
@@ -194,7 +193,7 @@ class Detecting:
 
 
 def _key(recording: Recording, sought: TagSource, settings: BatchSettings) -> str:
-    """Name a recording as it is under these tags and settings."""
+    """Key of a recording under these tags and settings."""
     facts = (
         recording.fingerprint(),
         tags_as_read(sought.tags),
@@ -235,7 +234,7 @@ def _row(
 
 
 def _beeps(results: Sequence[CellResult]) -> list[Beep]:
-    """What beeps in a recording, each sender once."""
+    """Received signals in a recording, one entry for each sender."""
     found: list[Beep] = []
     for one in results:
         for beep in one.beeps:
@@ -244,7 +243,7 @@ def _beeps(results: Sequence[CellResult]) -> list[Beep]:
 
 
 def _joined(results: Sequence[CellResult]) -> list[tuple[int, Pulse]]:
-    """Join cells in the order of time; a pulse on the line between two is in both."""
+    """Join cells in order of time; a pulse on the line between two is in both."""
     found = [(one.number, pulse) for one in results for pulse in one.pulses]
     found.sort(key=lambda one: (one[1].tag_id, one[1].start_time_ns))
     kept: list[tuple[int, Pulse]] = []

@@ -1,4 +1,4 @@
-"""Archives as files for other tools: flight by flight, and GeoParquet of all flights."""
+"""Export archives to files for other tools: by flight, and GeoParquet of all flights."""
 
 import json
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Heat maps, and outlines of them, are not in the tables: `uavrt export` makes them."""
+"""Export formats; the tables lack heat maps and their outlines, which `uavrt export` makes."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
@@ -42,18 +42,18 @@ def export_archive(
     Parameters
     ----------
     archive : Path
-        What a batch wrote.
+        Output of a batch.
     directory : Path
-        A folder for each flight is made in it; GeoParquet lies beside them.
+        Gets a folder for each flight, and the GeoParquet files.
     formats : sequence of str, optional
-        Of `FORMATS`; None: all.
+        From `FORMATS`; None: all.
     flights : sequence of str, optional
         Only these.
 
     Returns
     -------
     list of Path
-        What was written.
+        The written files.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def export_archive(
 
 
 def folder_for(directory: Path, flight: str) -> Path:
-    """Name the folder of a flight's files: its name, as far as every system takes it."""
+    """Folder name for a flight: its name, made valid on every system."""
     parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
     return directory.joinpath(
         *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)
@@ -99,7 +99,7 @@ def folder_for(directory: Path, flight: str) -> Path:
 
 
 def flights_in(archive: Path) -> list[str]:
-    """Name the flights that pulses are of.
+    """Names of the flights that have pulses.
 
     Raises `FormatError`: there is no archive.
     """
@@ -109,7 +109,7 @@ def flights_in(archive: Path) -> list[str]:
 
 
 def survey_of(archive: Path, flight: str) -> Survey:
-    """Gather what the tables know of a flight; of one that is still there its way, too.
+    """Gather a flight's data from the tables, and its track if the flight still exists.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def _flown(about: _Rows) -> tuple[FlightInfo | None, tuple[Pose, ...]]:
             try:
                 flight = read_flight(row["path"])
             except FormatError:
-                continue  # the tables tell enough
+                continue  # the tables suffice
             return flight.info, flight.poses
     return None, ()
 
@@ -256,17 +256,10 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 
 
 def with_points(rows: "pa.Table") -> "pa.Table":
-    """Add a column `geometry` of points, and what GeoParquet 1.1 says of it.
+    """Add a column `geometry` of points, and GeoParquet 1.1 metadata.
 
-    Parameters
-    ----------
-    rows : pyarrow.Table
-        With latitude_deg and longitude_deg.
-
-    References
-    ----------
-    GeoParquet specification 1.1.0, https://geoparquet.org/releases/v1.1.0/; without `crs` the
-    coordinates are longitude and latitude of WGS 84 (OGC:CRS84).
+    `rows`: with latitude_deg and longitude_deg. Without `crs` the coordinates are longitude and
+    latitude of WGS 84 (https://geoparquet.org/releases/v1.1.0/).
     """
     import pyarrow as pa
 

@@ -1,4 +1,4 @@
-"""Flights of an archive by tag and day, so many at a time, for the ground station's page."""
+"""Flights of an archive by tag and day, page by page, for the ground station."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import duckdb
 
 _LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
-"""Of DuckDB: what asks has pulses to take in meanwhile, and 10 million need some 50 MB."""
+"""DuckDB's limits: the station receives pulses meanwhile; 10 million rows need some 50 MB."""
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,
        max(start_time_ns + CAST(1e9 * (coalesce(length_s, 0)
@@ -39,25 +39,25 @@ WHERE confirmed > 0 AND list_contains($flights, flight) ORDER BY flight, tag_id
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArchivedFlight:
-    """A flight as an archive knows it."""
+    """A flight in an archive."""
 
     flight: str
     path: str
-    """Of its first recording, or its directory."""
+    """Path of its first recording, or its directory."""
     start_time_ns: int | None
     end_time_ns: int | None
     pulses: int
-    """Confirmed ones of all tags."""
+    """Number of confirmed pulses of all tags."""
     heard: tuple[tuple[int, int], ...]
-    """Each tag of which pulses were confirmed, and how many."""
+    """Tags with confirmed pulses, and their number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundFlights:
-    """Some of the flights that were looked for."""
+    """One page of a search's results."""
 
     total: int
-    """How many there are in all."""
+    """Number of flights in all."""
     flights: tuple[ArchivedFlight, ...]
 
 
@@ -77,11 +77,11 @@ def find_flights(
     archive : Path
         Directory that a batch wrote.
     tag_id : int, optional
-        Only flights in which pulses of this tag were confirmed.
+        Only flights with confirmed pulses of this tag.
     since_ns, before_ns : int, optional
         Only flights that ended at or after the one, and began before the other [ns since 1970].
     after, limit : int
-        How many to pass over, and how many to give at most.
+        Number of flights to skip, and most to return.
 
     Raises
     ------
@@ -116,7 +116,6 @@ def find_flights(
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path) -> None:
-    """Make the tables `flown` and `heard`."""
     recordings = f"read_parquet({quoted(archive / RECORDINGS)})"
     connection.execute(f"CREATE VIEW flown AS {_FLOWN.format(recordings=recordings)}")
     if (kept := kept_answer(archive, "heard")) is not None:

@@ -1,4 +1,4 @@
-"""From a flight's pulses to poses, bearings and positions: one flight, by one worker."""
+"""Poses, bearings and positions from a flight's pulses: one flight, by one worker."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -37,29 +37,29 @@ from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.elevation_files import open_elevation
 
 _OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
-"""Columns of a moving tag's way."""
+"""Columns of a moving tag's path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacingSettings:
-    """How bearings and positions are estimated: as `uavrt localize` has it."""
+    """Settings for bearings and positions, as in `uavrt localize`."""
 
     antenna: str | None = None
-    """Name of a pattern, a file of one, or monopole; None: what the drone was set up with."""
+    """Name of a pattern, a file of one, or monopole; None: the drone's configured antenna."""
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the pulses carry."""
     method: PositionMethod = "bayes"
     height_m: float | None = None
-    """With a monopole: over the tags, where the poses do not tell."""
+    """With a monopole: height over the tags, where the poses do not contain it."""
     heading_sigma_deg: float = HEADING_SIGMA_DEG
     height_sigma_m: float = HEIGHT_SIGMA_M
     dem: str | None = None
-    """Elevation file or folder of them; None takes the ground as level."""
+    """Elevation file or folder of them; None assumes level ground."""
     sea: bool = False
-    """Take ground that no file covers for water."""
+    """True: ground that no file covers is water."""
 
     def read_as(self, antenna: str) -> ReadAs:
-        """For the estimator."""
+        """The same settings for the estimator."""
         return ReadAs(
             antenna=antenna,
             offset_deg=self.offset_deg,
@@ -73,30 +73,30 @@ class PlacingSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Searched:
-    """The pulses of a recording that was searched."""
+    """The pulses of a searched recording."""
 
     recording: str
     file: Path
-    """Its Parquet."""
+    """Parquet file of the pulses."""
     pulses: tuple[Pulse, ...] = ()
-    """Of it, once a worker is to have them."""
+    """The pulses, loaded before a worker receives the task."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightResult:
-    """What a flight gave."""
+    """Result of a flight."""
 
     fault: str | None = None
-    """Why nothing, or why some tags have no position."""
+    """Reason for no result, or for tags without position."""
     integrate_fault: str | None = None
     failed: bool = False
     gone: bool = False
-    """It failed because it cannot be reached now."""
+    """True if it failed because the flight cannot be reached now."""
     recorded: tuple[Pulse, ...] | None = None
-    """The pulses of the flight itself, when no recording of it was searched."""
+    """Pulses recorded by the flight itself, when no recording of it was searched."""
     start_time_ns: int | None = None
     antenna: str = ""
-    """The pattern that was reckoned with."""
+    """Name of the antenna pattern used."""
     pulses: int = 0
     poses: tuple[PoseRow, ...] = ()
     clock_offset_s: float | None = None
@@ -108,7 +108,7 @@ class FlightResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightTask:
-    """What a worker is asked to do."""
+    """A worker's task: one flight."""
 
     path: str
     """The flight's directory; without one, the recording."""
@@ -116,17 +116,17 @@ class FlightTask:
     key: str
     is_flight: bool
     searched: tuple[Searched, ...]
-    """Empty: the pulses that the flight recorded itself."""
+    """Empty: use the pulses that the flight recorded itself."""
     tags: tuple[Tag, ...]
     track: Path | None
-    """Of a recording without a flight."""
+    """Track of a recording without a flight."""
     clock_offset_s: float | None
-    """By which its clock is ahead of the track's; None: to be found."""
+    """Offset of its clock ahead of the track's; None: estimate it."""
     steps: tuple[str, ...]
     settings: PlacingSettings
 
     def packed(self) -> "FlightTask":
-        """Take the pulses along; workers read no Parquet.
+        """Load the pulses, since workers read no Parquet.
 
         Raises `FormatError`: a file of pulses is damaged.
         """
@@ -138,13 +138,13 @@ class FlightTask:
         )
 
     def failed(self, fault: str) -> FlightResult:
-        """Give a result when nothing could be done."""
+        """Result for a task that could not be done."""
         return FlightResult(fault=fault, failed=True)
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> FlightResult | None:
-        """Attach, and estimate what is asked for; None: stopped before."""
+        """Attach poses, and run the requested steps; None: stopped before the end."""
         if should_stop():
             return None
         began_s = time.process_time()
@@ -157,7 +157,7 @@ class FlightTask:
 
 
 def _gone(task: FlightTask, error: Exception) -> bool:
-    """Whether the flight cannot be reached, which the fault does not always tell."""
+    """True if the flight cannot be reached; the fault alone does not always show it."""
     if isinstance(error, OSError):
         return True
     read = FlightLayout(Path(task.path)).database if task.is_flight else task.track
@@ -208,13 +208,13 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Judge each tag whose channel was kept by the whole flight; and what could not be."""
-    from uavrt.analysis.flown_with import antenna_is_told
+    """Judge each tag with kept channels by the whole flight; also returns what failed."""
+    from uavrt.analysis.flown_with import antenna_is_recorded
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
     from uavrt.analysis.whole_flight import JudgeAs
 
-    assumed = task.settings.antenna is None and not antenna_is_told(flight)
+    assumed = task.settings.antenna is None and not antenna_is_recorded(flight)
     elevation = _elevation(task.settings.dem, task.settings.sea)
     how = JudgeAs(pattern=pattern_named(antenna), antenna_assumed=assumed, elevation=elevation)
     channels = kept_channels(Path(flight.info.directory))
@@ -232,7 +232,7 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """The flight with its pulses, if it is one; the pulses; and the clocks' offset."""
+    """The flight with its pulses, if there is one; the pulses; and the clocks' offset."""
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)
@@ -251,7 +251,7 @@ def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], f
 def _located(
     task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose], antenna: str
 ) -> tuple[Sequence[TagBearing], Sequence[TagPosition]]:
-    """Estimate as `uavrt localize` does."""
+    """Estimate as in `uavrt localize`."""
     localize = "localize" in task.steps
     if antenna == MONOPOLE and not localize:
         return [], []
@@ -268,7 +268,7 @@ def _located(
 
 
 def _antenna(task: FlightTask, flight: Flight | None) -> str:
-    """Name of the pattern: the one asked for, else the drone's own."""
+    """Name of the requested pattern, else of the drone's own."""
     if task.settings.antenna is None:
         return USUAL_ANTENNA if flight is None else flight_antenna(flight)
     return _asked_antenna(task.settings.antenna)
@@ -276,7 +276,7 @@ def _antenna(task: FlightTask, flight: Flight | None) -> str:
 
 @lru_cache(maxsize=16)
 def _asked_antenna(text: str) -> str:
-    """Make an antenna's file known once in each process."""
+    """Register an antenna file once in each process."""
     return text if text == MONOPOLE else antenna_named(text)
 
 

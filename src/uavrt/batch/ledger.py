@@ -1,8 +1,8 @@
 """Rows of finished recordings and flights, a file for each: a killed run loses none.
 
-A row is written after its tables, each on the disk before the next, and holds their digests.
-So a kill or a power cut leaves whole rows with whole tables; tables without a row are removed,
-and a row without its tables is done again.
+A row is written after its tables have reached the disk, and holds their digests. A kill or
+power cut thus leaves complete rows with complete tables. Tables without a row are removed, and
+a row without its tables is done again.
 """
 
 import re
@@ -23,9 +23,9 @@ from uavrt.foreign import decode_record
 
 R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
-"""Folder, below the output, for rows that cannot be read and for their tables."""
+"""Folder below the output for damaged rows and their tables."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
-"""Name of a table, by its key (`uavrt.batch.step_keys`)."""
+"""File name of a table, by its key (`uavrt.batch.step_keys`)."""
 
 
 class _Entry(msgspec.Struct, frozen=True):
@@ -35,12 +35,12 @@ class _Entry(msgspec.Struct, frozen=True):
 
 
 class Ledger(Generic[R]):
-    """The rows of all recordings or flights; a newer row replaces an older one with its tables.
+    """Rows of all recordings or flights; a newer row replaces an older one with its tables.
 
     `output`: directory of the tables.
     `name`: folder of the rows.
-    `tables`: folders of what belongs to a row.
-    `thorough`: read all files, and do not go by their sizes and times.
+    `tables`: folders of the tables that belong to rows.
+    `thorough`: read all files instead of comparing sizes and times.
     Raises `RecordingError`: a file cannot be read.
     Raises `OSError`: the directory cannot be written.
     """
@@ -60,9 +60,9 @@ class Ledger(Generic[R]):
         self._files: dict[str, dict[str, Seal]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)
         self.damaged: dict[str, str] = {}
-        """Files that are missing or damaged, with the reason; what they held is done again."""
+        """Missing or damaged files, with the reason; their contents are computed again."""
         self.withdrawn: set[str] = set()
-        """Files of rows that were removed because one of their tables is damaged."""
+        """Files of rows that were removed because of a damaged table."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:
@@ -73,25 +73,25 @@ class Ledger(Generic[R]):
 
     @property
     def rows(self) -> list[R]:
-        """Get the rows of all that is done, in order of their paths."""
+        """Rows of all finished work, in order of their paths."""
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Get the row with a key; None where it failed or is missing."""
+        """Row with a key; None where it failed or is missing."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Get the newest row of a path, whatever its key; None where all failed."""
+        """Newest row of a path with any key; None where all failed."""
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
     def files(self, key: str) -> dict[str, Seal]:
-        """Get the tables of a row, by path below the output."""
+        """Tables of a row, by path below the output."""
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
-        """Get the start time of each file of a table [ns], by the file's stem."""
+        """Start time of each file of a table [ns], by the file's stem."""
         return {
             Path(name).stem: row.start_time_ns
             for key, row in self._rows.items()
@@ -164,10 +164,10 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables of no row, which a cut left before the row was written.
+        """Remove tables without a row, left by an interrupted run.
 
-        They are kept where rows were set aside, in this run or in one that was cut off, since
-        they may belong to these. Files of other programs stay.
+        Where rows were set aside, now or in an interrupted run, tables are kept, since they may
+        belong to these. Files of other programs stay.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
@@ -193,7 +193,7 @@ class Ledger(Generic[R]):
         path.replace(next(folder / one for one in names if not (folder / one).exists()))
 
     def place(self, key: str) -> str:
-        """Name the file of a row, below the output."""
+        """File of a row, below the output."""
         return f"{self._directory.name}/{key}.json"
 
     def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:

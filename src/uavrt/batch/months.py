@@ -1,12 +1,12 @@
-"""The rows of thousands of flights in a file for each month, so that questions open few files.
+"""Rows of thousands of flights in one file a month, so that queries open few files.
 
 ::
 
     OUT/months/TABLE/2026-05-HASH.parquet   by tag and time
     OUT/copies.json                         which files each holds; also of other copies
 
-They are copies: a month of which a file is gone is passed over, and what is in no month is read
-where it was written. A damaged one is made again.
+They are copies. A month with a missing source file is skipped, and rows in no month are read
+from their original files. Damaged months are made again.
 """
 
 import hashlib
@@ -30,11 +30,11 @@ LEAST_FILES = 100
 _GROUP_ROWS = 50_000
 INDEX = "copies.json"
 UNKNOWN = "unknown"
-"""In place of a month where no time is known."""
+"""Replaces the month where no time is known."""
 
 
 class Copy(msgspec.Struct, frozen=True):
-    """A file that holds the rows of others, or an answer of them."""
+    """A file that holds the rows of others, or an answer to a question about them."""
 
     seal: Seal
     keys: list[str] = []  # a struct copies it
@@ -42,7 +42,7 @@ class Copy(msgspec.Struct, frozen=True):
 
 
 Index = dict[str, Copy]
-"""By path below the output."""
+"""Copies by path below the output."""
 
 
 def gather_months(
@@ -53,13 +53,13 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Bring the months up to date with what was written.
+    """Update the months from newly written tables.
 
-    `index`: which copies there are.
-    `tables`: for each table the start of what is in each file [ns], by the file's stem.
-    `least_files`: fewer files than this, that no month holds, are left as they are.
+    `index`: present copies.
+    `tables`: for each table the start time of each file [ns], by the file's stem.
+    `least_files`: fewer new files than this are left as they are.
     `lost`: copies were missing or damaged: make new ones of however few files.
-    Returns: which copies there are now; see `write_index`.
+    Returns: the copies now; see `write_index`.
     Raises `OSError`: the directory cannot be written.
     """
     kept = dict(index)
@@ -80,9 +80,9 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read which copies there are, and why others cannot be used.
+    """Read the list of copies, and why others cannot be used.
 
-    `thorough`: read all copies, and do not go by their sizes and times.
+    `thorough`: read all copies instead of comparing sizes and times.
     """
     try:
         noted = decode_record(read_note(output / INDEX), Index)
@@ -100,7 +100,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 
 
 def write_index(output: Path, index: Index) -> None:
-    """Note which copies there are, and remove others.
+    """Write the list of copies, and remove others.
 
     Raises `OSError`: the directory cannot be written.
     """
@@ -121,7 +121,7 @@ def _name(table: str, month: str, keys: list[str]) -> str:
 
 
 def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
-    """Write the rows of many files into one; DuckDB sorts them on the disk if need be."""
+    """Write the rows of many files into one; DuckDB sorts them on the disk if necessary."""
     with needs_extra("batch", "An archive"):
         import duckdb
     files = [output / table / f"{key}.parquet" for key in keys]
@@ -137,7 +137,7 @@ def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
 
 
 def source_of(output: Path, table: str) -> str | None:
-    """Say where DuckDB finds all rows of a table; None where there are none."""
+    """DuckDB expression for all rows of a table; None where there are none."""
     try:
         with os.scandir(output / table) as entries:
             tables = [one for one in entries if one.name.endswith(".parquet")]
@@ -160,13 +160,13 @@ def source_of(output: Path, table: str) -> str | None:
 
 
 def rows_of(files: list[Path]) -> str:
-    """Have DuckDB read files; what their folders are called is no column."""
+    """DuckDB expression for reading files; folder names do not become columns."""
     listed = ", ".join(map(quoted, sorted(files)))
     return f"read_parquet([{listed}], hive_partitioning = false, union_by_name = true)"
 
 
 def quoted(text: Path | str) -> str:
-    """Write a path or a name as a word of SQL."""
+    """Quote a path or a name for SQL."""
     return "'" + str(text).replace("'", "''") + "'"
 
 

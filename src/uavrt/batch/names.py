@@ -1,4 +1,4 @@
-"""A name of its own for each flight and recording: its path below the folder that was named."""
+"""Unique names of flights and recordings: paths below the folder that was searched."""
 
 from collections import Counter
 from collections.abc import Collection
@@ -16,11 +16,11 @@ def name_flights(
     flights: Ledger[FlightRow],
     passed_over: Collection[Path] = (),
 ) -> Found:
-    """Name all flights; one that has a name keeps it, whatever comes later.
+    """Name all flights; existing names never change.
 
-    Where the name is another's already, more of the path comes before it: ``2024/walk``.
+    Where a name is taken, more of the path is put before it: ``2024/walk``.
 
-    `recordings`, `flights`: what is done.
+    `recordings`, `flights`: finished rows.
     `passed_over`: copies of flights, whose names are free.
     """
     rows: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]

@@ -1,4 +1,4 @@
-"""The second half of a batch: poses, bearings and positions of each flight."""
+"""Second half of a batch: poses, bearings and positions of each flight."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
@@ -42,13 +42,13 @@ from uavrt.recording.integrated import IntegratedVerdict
 
 R = TypeVar("R")
 TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
-"""Of each step that may be kept when others are done again."""
+"""Table of each step that may be kept when others are done again."""
 
 
 class Placing:
-    """Which flights are to be placed, and what becomes of them.
+    """Schedules the tasks of flights and collects their results.
 
-    `recordings`, `flights`: what is done.
+    `recordings`, `flights`: finished rows.
     """
 
     def __init__(
@@ -63,16 +63,15 @@ class Placing:
         self._recordings, self._flights = recordings, flights
         self.tasks: list[FlightTask] = []
         self._plans: list[_Plan] = []
-        """Of each task."""
         self._copies: dict[str, set[str]] = {}
         self.kept: dict[str, str] = {}
-        """Flights that cannot be reached now, with the reason: what was done of them stays."""
+        """Flights that cannot be reached now, with the reason; earlier results are kept."""
         self.done_before = 0
 
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
 
-        `keys`: of the recordings, as the ledger knows them.
+        `keys`: keys of the recordings in the ledger.
         `copies`: the flight that counts, by directory of each copy.
         """
         if "attach" not in self._settings.steps:
@@ -107,7 +106,7 @@ class Placing:
         return Searched(recording=row.path, file=file)
 
     def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
-        """Recordings of flights that were searched and are there no more: their pulses are."""
+        """Searched recordings of flights that no longer exist, whose pulses remain."""
         flights, there = set(found.flights), {one.name for one in found.recordings}
         for row in self._recordings.rows:
             if row.state in ("done", "truncated") and row.path not in there:
@@ -148,7 +147,7 @@ class Placing:
         return self._recordings.done(recorded_key(task)) is not None
 
     def finish(self, number: int, result: FlightResult) -> FlightRow | None:
-        """Write what a flight gave, and what was done with it; None: what was before stays."""
+        """Write a flight's results; None: earlier results stay."""
         plan = self._plans[number]
         if result.failed:
             return self._kept_or_failed(plan.task, result)
@@ -230,18 +229,18 @@ class Placing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plan:
-    """What is done of a flight now, and what is kept of what was done before."""
+    """Steps of a flight to run now, and those kept from before."""
 
     task: FlightTask
     keys: Mapping[str, str]
-    """Of all steps, reckoned with an antenna that has a pattern."""
+    """Keys of all steps, for an antenna with a pattern."""
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]
-    """Steps."""
+    """Steps kept from before."""
 
     def keys_with(self, antenna: str) -> dict[str, str]:
-        """Name what the steps have read that the flight now has."""
+        """Keys of the steps for the antenna that was used."""
         keys = self.whip_keys if antenna == MONOPOLE else self.keys
         return {step: keys[step] for step in (*self.task.steps, *self.kept)}
 
@@ -249,7 +248,7 @@ class _Plan:
 def _planned(
     task: FlightTask, before: FlightRow | None, *, again: bool = False
 ) -> _Plan | None:
-    """Leave out what was done and would be the same, unless poses are to be made again.
+    """Leave out steps whose result would be the same, unless poses are to be made again.
 
     None: nothing is left to do.
     """
@@ -276,7 +275,7 @@ def _planned(
 
 
 def _with_kept(row: FlightRow, before: FlightRow, kept: Collection[str]) -> FlightRow:
-    """Add to a row what it keeps of the one before."""
+    """Add the kept results of the earlier row to a new one."""
     if "bearing" in kept:
         row = replace(row, fault=before.fault, bearings=before.bearings)
     if "localize" in kept:

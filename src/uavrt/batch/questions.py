@@ -1,4 +1,4 @@
-"""Questions over all that a batch has written, in SQL, by DuckDB on its Parquet."""
+"""SQL queries on an archive's Parquet tables, by DuckDB."""
 
 import hashlib
 from collections.abc import Iterator
@@ -48,9 +48,9 @@ SELECT flight, tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confir
 FROM pulses GROUP BY flight, tag_id ORDER BY tag_id, flight
 """,
 }
-"""Ready ones, by name."""
+"""Predefined queries by name."""
 KEPT = ("tags", "heard")
-"""Those that look at every pulse: a batch keeps what they give."""
+"""Queries that read every pulse: a batch stores their results."""
 
 
 def ask(archive: Path, question: str) -> "pa.Table":
@@ -61,8 +61,8 @@ def ask(archive: Path, question: str) -> "pa.Table":
     archive : Path
         Directory that a batch wrote.
     question : str
-        Over the tables `recordings`, `flights`, `pulses`, `poses`, `bearings` and `positions`;
-        `QUESTIONS` has ready ones.
+        About the tables `recordings`, `flights`, `pulses`, `poses`, `bearings` and `positions`;
+        `QUESTIONS` has predefined ones.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
 
 
 def _in_utc(answer: "pa.Table") -> "pa.Table":
-    """Call times UTC, which DuckDB calls by the zone of this computer: they are the same."""
+    """Rename the time zone to UTC; DuckDB uses the computer's."""
     import pyarrow as pa
 
     columns = []
@@ -95,7 +95,7 @@ def _in_utc(answer: "pa.Table") -> "pa.Table":
 
 
 def check_archive(archive: Path) -> None:
-    """Refuse a directory that no batch has written to.
+    """Reject a directory that no batch has written to.
 
     Raises `FormatError`: there is no table of recordings.
     """
@@ -108,11 +108,11 @@ def check_archive(archive: Path) -> None:
 
 @contextmanager
 def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]:
-    """Open DuckDB for questions to an archive; its errors become ours.
+    """Open DuckDB on an archive; its errors are converted to ours.
 
-    `limits`: of DuckDB, such as `threads` and `memory_limit`.
+    `limits`: DuckDB settings such as `threads` and `memory_limit`.
     Raises `FormatError`: no batch has written there, or a file is damaged.
-    Raises `UsageError`: the question is wrong, or the extra is missing.
+    Raises `UsageError`: the query is wrong, or the extra is missing.
     """
     with needs_extra("batch", "An archive"):
         import duckdb
@@ -147,10 +147,10 @@ def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]
 
 
 def keep_answers(archive: Path, index: Index) -> Index:
-    """Keep the answers that need every pulse, for as long as no pulse changes.
+    """Store the results of slow queries until a pulse table changes.
 
-    `index`: which copies there are, which `write_index` has noted.
-    Returns: which copies there are now.
+    `index`: the copies that `write_index` has listed.
+    Returns: the copies now.
     Raises `OSError`: the directory cannot be written.
     """
     import pyarrow.parquet as pq
@@ -171,15 +171,13 @@ def keep_answers(archive: Path, index: Index) -> Index:
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
-    """Find the kept answer to one of `KEPT`; None unless it is of these pulses."""
+    """Find the stored result of one of `KEPT`; None unless it is of these pulses."""
     place = _place(archive, name)
     return archive / place if place in read_index(archive)[0] else None
 
 
 def _place(archive: Path, name: str) -> str:
-    """Where an answer is kept: its name is that of all pulses' files, and of those of months
-    by what they hold.
-    """
+    """File of a result, named after all pulse files; months count by their content."""
     whole = archive.absolute()
     said = f"{source_of(whole, PULSES)} {SCHEMA_VERSION}".replace(str(whole), "")
     state = hashlib.sha256(said.encode()).hexdigest()[:16]
@@ -187,7 +185,7 @@ def _place(archive: Path, name: str) -> str:
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:
-    """Make the tables that a question may mean: to list those of thousands takes time."""
+    """Make the views for a query's tables; listing those of thousands takes time."""
     asked = question.lower()
     whole: dict[str, type] = {RECORDINGS: RecordingRow, FLIGHTS: FlightRow}
     for file, record in whole.items():

@@ -1,4 +1,4 @@
-"""Find recordings in folders; a manifest says what files do not say themselves."""
+"""Find recordings in folders; a manifest supplies what files do not contain."""
 
 import csv
 import hashlib
@@ -28,52 +28,52 @@ MANIFEST_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A recording, and what must be told about it."""
+    """A recording, with metadata that its file lacks."""
 
     path: Path
-    """Of one in a store: a word for it, which no file has."""
+    """Path of the file; for a stored recording a name that no file has."""
     flight: str
-    """The flight directory that it lies in, or itself without its ending: the path below the
-    folder that was named."""
+    """The flight directory that it lies in, or itself without its ending: path below the
+    searched folder."""
     format_name: str | None = None
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
     start_time_ns: int | None = None
     url: str | None = None
-    """Where it is in an object store."""
+    """Address in an object store."""
     flight_directory: Path | None = None
     track: Path | None = None
     """An autopilot's log or a receiver's track of its time."""
     clock_offset_s: float | None = None
-    """By which the recording's clock is ahead of the track's."""
+    """Offset of the recording's clock ahead of the track's."""
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open it.
+        """Open the recording.
 
-        Raises `FormatError`: it cannot be read, or is not what it is said to be.
+        Raises `FormatError`: it cannot be read, or differs from its description.
         Raises `StoreError`: its store does not answer.
         """
-        told = {
+        metadata = {
             "sample_rate_hz": self.sample_rate_hz,
             "center_frequency_hz": self.center_frequency_hz,
         }
         if self.url is not None:
             return open_stored(
-                self.url, self.format_name, start_time_ns=self.start_time_ns, **told
+                self.url, self.format_name, start_time_ns=self.start_time_ns, **metadata
             )
         return open_recording(
-            self.path, self.format_name, start_time_ns=self.start_time_ns, **told
+            self.path, self.format_name, start_time_ns=self.start_time_ns, **metadata
         )
 
     def fingerprint(self) -> str:
-        """Tell it from any other, and from itself before it was changed.
+        """Fingerprint that changes when the recording changes.
 
-        Raises `OSError`: it is gone.
+        Raises `OSError`: the file is missing.
         Raises `StoreError`: its store does not answer.
         """
         facts: list[object] = [
@@ -90,7 +90,7 @@ class Recording:
 
 
 def flight_of(path: str, flights: Collection[Path]) -> Path | None:
-    """Find the flight that a path is of or lies in, whether it is there or not."""
+    """Find the flight that a path belongs to, even if it does not exist now."""
     if not flights or is_url(path):
         return None
     whole = Path(os.path.realpath(path))
@@ -98,7 +98,7 @@ def flight_of(path: str, flights: Collection[Path]) -> Path | None:
 
 
 def out_of_reach(error: BaseException) -> bool:
-    """Whether what was asked for could not be reached: it may be as it was before."""
+    """True if a requested file could not be reached: it may be unchanged."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, StoreError | OSError):
@@ -113,27 +113,27 @@ def _hashed(facts: list[object]) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassedOver:
-    """What lies below a path and is not searched."""
+    """A file below a path that is not searched."""
 
     path: str
     reason: str
     unreadable: bool = False
-    """It may hold recordings: nobody could see."""
+    """True if it may contain recordings but cannot be read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """What there is at and below some paths."""
+    """Recordings and other files at and below some paths."""
 
     recordings: tuple[Recording, ...]
     """By path, each once."""
     flights: Mapping[Path, str] = field(default_factory=dict)
-    """Flight directories, with recordings or without; and the path of each below the folder
-    that was named."""
+    """Flight directories, with recordings or without; and the path of each below the searched
+    folder."""
     kept_channels: int = 0
-    """Files of kept channels that were passed over."""
+    """Number of kept channel files, which are not searched."""
     passed_over: tuple[PassedOver, ...] = ()
-    """All else, except for what belongs to a flight or a recording."""
+    """Other files, except those that belong to a flight or a recording."""
 
 
 NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
@@ -147,19 +147,18 @@ def find_recordings(
     *,
     known: Collection[Path] = (),
 ) -> Found:
-    """Get all recordings and flights at and below some paths, and name all else.
+    """Get all recordings and flights at and below some paths, and list all other files.
 
-    Channels that a flight kept are passed over: they are parts of what was received. So is what
-    a batch has written.
+    Kept channels are skipped, since they are parts of recordings. So is the output of a batch.
 
     Parameters
     ----------
     paths : sequence of Path or str
-        Files and folders; addresses in object stores, in which flights are passed over.
+        Files and folders; addresses in object stores, in which flights are skipped.
     told : mapping of Path to Recording, optional
-        What a manifest says, by resolved path.
+        Entries of a manifest, by resolved path.
     known : collection of Path
-        Files that serve another purpose, as the manifest itself.
+        Files with another purpose, such as the manifest itself.
 
     Raises
     ------
@@ -178,15 +177,15 @@ def find_recordings(
 
 
 class _Search:
-    def __init__(self, told: Mapping[Path, Recording], known: set[Path]) -> None:
-        self._told, self._known = dict(told), known
+    def __init__(self, listed: Mapping[Path, Recording], known: set[Path]) -> None:
+        self._listed, self._known = dict(listed), known
         self._recordings: dict[Path, Recording] = {}
         self._flights: dict[Path, str] = {}
         self._passed_over: list[PassedOver] = []
         self._channels = 0
 
     def found(self) -> Found:
-        recordings = self._recordings | self._told
+        recordings = self._recordings | self._listed
         for one in recordings.values():
             if one.flight_directory is not None:
                 self._flights.setdefault(one.flight_directory, one.flight)
@@ -206,7 +205,7 @@ class _Search:
             elif stored == url or (reveals_format(place) and place.suffix != ".sigmf-data"):
                 name = stored.removeprefix(url.rstrip("/")).strip("/") or place.name
                 one = replace(_recording_at(stored), flight=_stem(name))
-                self._told.setdefault(Path(stored), one)
+                self._listed.setdefault(Path(stored), one)
             elif place.suffix != ".sigmf-data":
                 self._pass_over(stored, NO_RECORDING)
 
@@ -237,13 +236,13 @@ class _Search:
                 self._add(here / name, root)
 
     def _add(self, file: Path, root: Path) -> None:
-        kept = self._told.keys() | self._known
+        kept = self._listed.keys() | self._known
         if file.name == FlightLayout(file.parent).database.name:
             self._add_flight(file.parent, root)
         elif file.parent.name == "channels":
             self._channels += 1
-        elif self._told and (one := self._told.get(resolved := _resolved(file))):
-            self._told[resolved] = replace(one, flight=_name(one, file, root))
+        elif self._listed and (one := self._listed.get(resolved := _resolved(file))):
+            self._listed[resolved] = replace(one, flight=_name(one, file, root))
         elif not reveals_format(file):
             if _resolved(file) not in kept and _flight_above(file) is None:
                 self._pass_over(str(file), NO_RECORDING)
@@ -254,7 +253,7 @@ class _Search:
             self._add_recording(file, root)
 
     def _add_recording(self, file: Path, root: Path) -> None:
-        if (resolved := _resolved(file)) not in self._told:
+        if (resolved := _resolved(file)) not in self._listed:
             one = _recording(file)
             self._recordings[resolved] = replace(one, flight=_name(one, file, root))
 
@@ -274,7 +273,7 @@ def _name(one: Recording, file: Path, root: Path) -> str:
 
 
 def _below(place: Path, root: Path, else_name: str) -> str:
-    """Name a flight or recording by its path below a folder."""
+    """Name of a flight or recording: its path below a folder."""
     within = place != root and place.is_relative_to(root)
     name = place.relative_to(root).as_posix() if within else else_name
     return name if place.is_dir() else _stem(name)
@@ -289,7 +288,7 @@ def _resolved(path: Path) -> Path:
 
 
 def _flight_above(file: Path) -> Path | None:
-    """Find the flight directory that a file lies in."""
+    """Flight directory that a file lies in."""
     places = _resolved(file).parents
     return next((one for one in places if _is_flight(one)), None)
 
@@ -307,14 +306,14 @@ def _recording(file: Path) -> Recording:
     if (flight := _flight_above(file)) is not None:
         return Recording(path=file, flight=flight.name, flight_directory=flight)
     tracks = (file.with_suffix(ending) for ending in TRACK_ENDINGS)
-    beside = next((track for track in tracks if track.is_file()), None)
-    return Recording(path=file, flight=file.stem, track=beside)
+    track_path = next((track for track in tracks if track.is_file()), None)
+    return Recording(path=file, flight=file.stem, track=track_path)
 
 
 def read_manifest(path: Path) -> dict[Path, Recording]:
-    """Read what is told of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
+    """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
 
-    Relative paths are relative to the manifest. Empty cells are not told.
+    Relative paths are relative to the manifest. Empty cells are unknown values.
 
     Raises `FormatError`: it cannot be read, or a line is wrong; the line is named.
     """
@@ -332,7 +331,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
                 )
             for number, line in enumerate(lines, 2):
                 try:
-                    one = _told(path.absolute().parent, line)
+                    one = _recording_of(path.absolute().parent, line)
                 except (ValueError, TypeError) as error:
                     raise FormatError(
                         f"{path}, line {number}: {error}", remedy=remedy
@@ -347,23 +346,23 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
     return found
 
 
-def _told(folder: Path, line: Mapping[str, str | None]) -> Recording:
-    told = {name: (line.get(name) or "").strip() for name in MANIFEST_COLUMNS}
-    if not told["path"]:
+def _recording_of(folder: Path, line: Mapping[str, str | None]) -> Recording:
+    cells = {name: (line.get(name) or "").strip() for name in MANIFEST_COLUMNS}
+    if not cells["path"]:
         raise ValueError("no path")
-    stored = is_url(told["path"])
-    one = _recording_at(told["path"]) if stored else _recording(folder / told["path"])
-    track = folder / told["track"] if told["track"] else one.track
+    stored = is_url(cells["path"])
+    one = _recording_at(cells["path"]) if stored else _recording(folder / cells["path"])
+    track = folder / cells["track"] if cells["track"] else one.track
     if track is not None and not track.is_file():
         raise ValueError(f"there is no {track}")
     return replace(
         one,
-        format_name=told["format"] or None,
-        sample_rate_hz=_number(told["sample_rate_hz"]),
-        center_frequency_hz=_number(told["center_frequency_hz"]),
-        start_time_ns=parse_iso_utc(told["start_time"]) if told["start_time"] else None,
+        format_name=cells["format"] or None,
+        sample_rate_hz=_number(cells["sample_rate_hz"]),
+        center_frequency_hz=_number(cells["center_frequency_hz"]),
+        start_time_ns=parse_iso_utc(cells["start_time"]) if cells["start_time"] else None,
         track=track,
-        clock_offset_s=_number(told["clock_offset_s"]),
+        clock_offset_s=_number(cells["clock_offset_s"]),
     )
 
 

@@ -1,4 +1,4 @@
-"""Remedies in the words of a batch: what options say elsewhere, a manifest says here."""
+"""Remedies for a batch, with manifest columns instead of command-line options."""
 
 COLUMN_OF = {
     "--format": "format",
@@ -7,7 +7,7 @@ COLUMN_OF = {
     "--start-time": "start_time",
     "--clock-offset": "clock_offset_s",
 }
-"""Of the manifest, by the option of the commands that read one recording."""
+"""Manifest columns by the option of the commands that read one recording."""
 
 
 def by_manifest(text: str) -> str:

@@ -71,20 +71,20 @@ def run_batch(
     found : Found
         Recordings and flights.
     sought : TagSource
-        The tags.
+        Tags to search for.
     output : Path
-        Directory for the tables; made if need be.
+        Directory for the tables; created if missing.
     settings : BatchSettings
-        How.
+        Settings of search and placing.
     watch : BatchWatch, optional
-        Who looks on.
+        Receives progress, and may stop the run.
 
     Raises
     ------
     RecordingError
         Another run writes there, or it cannot be written.
     UsageError
-        The extra is missing, or a step.
+        The extra is missing, or a step is.
     """
     settings.check()
     need_pyarrow()
@@ -135,7 +135,7 @@ def _run(
         if (finished := detecting.finish(number, result)) is not None:
             watch.on_row(finished)
             done_now += 1
-    _tell_kept(detecting.kept, watch)
+    _report_kept(detecting.kept, watch)
     placing = Placing(sought, output, settings, recordings, flights)
     placed_now = 0
     if not watch.should_stop():
@@ -145,7 +145,7 @@ def _run(
             if (row_of_flight := placing.finish(number, placed)) is not None:
                 watch.on_row(row_of_flight)
                 placed_now += 1
-        _tell_kept(placing.kept, watch)
+        _report_kept(placing.kept, watch)
         drop_copies(copies, recordings, flights)
     for name, record, table_rows in (
         (RECORDINGS, RecordingRow, recordings.rows),
@@ -178,7 +178,7 @@ def _run(
 
 
 def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[str, list[str]]]:
-    """List the files of each row, by its path, for each ledger."""
+    """Files of each row, by its path, for each ledger."""
     return [
         {
             row.path: [ledger.place(row.fingerprint), *ledger.files(row.fingerprint)]
@@ -191,7 +191,7 @@ def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[st
 def _lost_rows(
     output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
 ) -> dict[str, str]:
-    """Name the files of rows that the last run had, where there is no row of that path now."""
+    """Files of rows that the last run had and that are missing now."""
     try:
         before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
     except (FormatError, OSError):
@@ -205,7 +205,7 @@ def _lost_rows(
     }
 
 
-def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
+def _report_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
     for name, fault in kept.items():
         watch.on_kept(name, fault)
 
@@ -213,7 +213,7 @@ def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
 def _worked(
     tasks: Sequence[Task[R]], output: Path, settings: BatchSettings, watch: BatchWatch
 ) -> Iterator[tuple[int, R]]:
-    """Have tasks done by this machine's cores, or by a cluster."""
+    """Run tasks on this machine's cores, or on a cluster."""
     if settings.scheduler is not None:
         from uavrt.batch.cluster import run_on_cluster
 

@@ -1,7 +1,7 @@
-"""What a batch remembers of each file it has written, so that a damaged one is noticed.
+"""Digests of the files that a batch has written, to notice damage.
 
-Size and time of change are compared at each run. A file of another time (a copied archive) is
-read and compared by its digest; a thorough check reads all of them.
+Size and modification time are compared at each run. A file with another time (a copied archive)
+is read and compared by its digest; a thorough check reads all files.
 """
 
 import hashlib
@@ -19,18 +19,17 @@ _DIGEST_BYTES = 16
 
 
 class Seal(msgspec.Struct, frozen=True):
-    """A file as it was written."""
+    """Size, time and digest of a file when written."""
 
     size: int
-    """[bytes]"""
     time_ns: int
-    """Of its last change."""
+    """Modification time."""
     digest: str
-    """BLAKE2b of its content."""
+    """BLAKE2b digest of its content."""
 
 
 def sealed(path: Path) -> Seal:
-    """Describe a file that has just been written.
+    """Make the seal of a file that has just been written.
 
     Raises `OSError`: it cannot be read.
     """
@@ -39,9 +38,9 @@ def sealed(path: Path) -> Seal:
 
 
 def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
-    """Say why a file does not hold what was written; None: it does.
+    """Reason why a file differs from its seal; None if it does not.
 
-    Raises `OSError`: it is there and cannot be read, as without permission.
+    Raises `OSError`: it exists and cannot be read, for lack of permission.
     """
     try:
         about = path.stat()
@@ -67,7 +66,7 @@ def write_note(path: Path, content: bytes) -> None:
 
 
 def read_note(path: Path) -> bytes:
-    """Read what `write_note` has written.
+    """Read a file of `write_note`.
 
     Raises `FormatError`: it is damaged; the message is the reason alone.
     Raises `OSError`: it cannot be read.

@@ -1,4 +1,4 @@
-"""How an archive is searched."""
+"""Settings of a batch, callbacks and summary."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from uavrt.errors import UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""The last takes longer than all others together, and memory; who wants it asks for it."""
+"""Default steps; the last one takes longer than all others together, and more memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchSettings:
-    """How recordings are searched, and flights placed."""
+    """Settings for searching recordings and placing flights."""
 
     steps: tuple[str, ...] = USUAL_STEPS
     frequency_window_hz: float = 500.0
@@ -23,15 +23,15 @@ class BatchSettings:
     lead_in_s: float = LEAD_IN_S
     workers: int = 1
     scheduler: str | None = None
-    """Address of a Dask cluster that does the work instead of this machine's cores."""
+    """Address of a Dask cluster to use instead of this machine's cores."""
     verify: bool = False
-    """Read all that was written before, and do damaged parts again."""
+    """Read all earlier output, and compute damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
-        """Refuse steps that do not exist, or lack the one before.
+        """Reject unknown steps, and steps without the one that they need.
 
-        Raises `UsageError`: which one.
+        Raises `UsageError`: the text names the step.
         """
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise UsageError(
@@ -48,46 +48,45 @@ class BatchSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchWatch:
-    """Who looks on while a batch runs, and may end it."""
+    """Callbacks for progress and stop."""
 
     should_stop: Callable[[], bool] = lambda: False
-    """True ends the run; the next one goes on from there."""
+    """True ends the run; the next one continues it."""
     on_stage: Callable[[str, int], None] = lambda _name, _total: None
-    """Takes what begins now, and how much there is to do."""
+    """Receives the name of the next stage, and its total amount."""
     on_done: Callable[[int], None] = lambda _amount: None
-    """Takes how much was done since the last call."""
+    """Receives the amount done since the last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
-    """Takes each recording and each flight that is finished."""
+    """Receives each finished recording and flight."""
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
-    """Takes each recording and flight that cannot be reached now, and why; what was done of it
-    stays."""
+    """Receives each recording and flight that cannot be reached now, and why; earlier results
+    are kept."""
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
-    """Takes each file of the output that is missing or damaged, and why; it is made again."""
+    """Receives each missing or damaged output file, and why; it is made again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Takes what the run waits for, and the remedy."""
+    """Receives what the run waits for, and the remedy."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
-    """Takes each recording to be searched whose start is not known from itself, and what it was
-    taken from."""
+    """Receives each recording without a start time of its own, and the source used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchSummary:
-    """What a run did."""
+    """Summary of a run."""
 
     rows: tuple[RecordingRow, ...]
-    """All recordings that the output knows."""
+    """All recordings in the output."""
     flights: tuple[FlightRow, ...]
-    """All flights that it knows."""
+    """All flights in the output."""
     done_now: int
-    """Recordings."""
+    """Number of recordings finished in this run."""
     done_before: int
     placed_now: int
-    """Flights."""
+    """Number of flights finished in this run."""
     placed_before: int
     copies: int
-    """Directories that were passed over: each holds a flight that another holds, too."""
+    """Skipped directories that hold a second copy of a flight."""
     kept: int
-    """Recordings and flights that cannot be reached now; what was done of them stays."""
+    """Recordings and flights that cannot be reached now; earlier results are kept."""
     stopped: bool
     damaged: Mapping[str, str]
-    """Files of the output that were missing or damaged, and why; they were made again."""
+    """Output files that were missing or damaged, and why; they were made again."""

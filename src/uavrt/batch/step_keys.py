@@ -1,4 +1,4 @@
-"""What each step reads: a change anywhere else has it not done again."""
+"""Keys of the inputs of each step: only changed inputs run a step again."""
 
 import hashlib
 import os
@@ -14,14 +14,14 @@ from uavrt.messages import Tag
 from uavrt.recording.layout import FlightLayout
 
 PLACING_STEPS = ("attach", "bearing", "localize")
-"""Done together; each takes what the one before gave."""
+"""Steps that run together; each uses the result of the one before."""
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Name what each step of a flight reads, whether it is asked for or not.
+    """Keys of the inputs of each step of a flight, requested or not.
 
-    `task`: the flight as it is, its pulses, and the settings.
-    Returns (patterned, monopole): for an antenna that has a pattern, and for a monopole.
+    `task`: the flight's present state, its pulses, and the settings. Returns (patterned,
+    monopole): for an antenna that has a pattern, and for a monopole.
     Raises `OSError`: a file cannot be reached.
     """
     how = task.settings
@@ -49,7 +49,7 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def recorded_key(task: FlightTask) -> str:
-    """Name the pulses of a flight as it is.
+    """Key of a flight's recorded pulses.
 
     Raises `OSError`: a file cannot be reached.
     """
@@ -57,12 +57,12 @@ def recorded_key(task: FlightTask) -> str:
 
 
 def key_of(path: str, keys: Mapping[str, str]) -> str:
-    """Name a flight by what its steps read."""
+    """Key of a flight by the inputs of its steps."""
     return _hashed([path, sorted(keys.items())], [])
 
 
 def tags_as_read(tags: Iterable[Tag]) -> list[str]:
-    """Write tags without their names, which nothing is computed of."""
+    """Tags without their names, which no result depends on."""
     return sorted(repr(replace(tag, name=None)) for tag in tags)
 
 
@@ -77,7 +77,7 @@ def read_keys(text: str) -> dict[str, str]:
 
 
 def flight_files(task: FlightTask) -> list[Path]:
-    """List the files from which a flight is read."""
+    """Files that a flight is read from."""
     layout = FlightLayout(Path(task.path))
     track = [] if task.track is None else [task.track]
     return [layout.database, layout.write_ahead_log, *track]

@@ -1,7 +1,7 @@
-"""Recordings in object stores: only what is asked for is read, and nothing is copied whole.
+"""Recordings in object stores, read in pieces without a local copy.
 
-A small copy with the file's first and last bytes, of its true size, is enough for the readers
-of SigMF, WAV and raw files to say where the samples lie; these are then read from the store.
+A small sparse copy with the first and last bytes and the true size is enough for the readers of
+SigMF, WAV and raw files to locate the samples, which are then read from the store.
 """
 
 import sys
@@ -17,21 +17,21 @@ from uavrt.radio.opening import open_recording
 from uavrt.radio.recording import RecordingSource
 
 ENDS_BYTES = 1 << 20
-"""Of the beginning and of the end: headers of WAV files lie there."""
+"""Bytes copied from beginning and end, which contain the headers of WAV files."""
 BLOCK_BYTES = 8 << 20
-"""Read at a time: half a second of a fast line, and as much memory."""
+"""Bytes per read: half a second of a fast line."""
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
-"""Folders within each other on a web server."""
+"""Most nested folders on a web server."""
 MOST_LINKS = 200_000
-"""On all its lists."""
+"""Most links on all its lists."""
 _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
 _META, _DATA = ".sigmf-meta", ".sigmf-data"
 
 
 def is_url(text: str) -> bool:
-    """Whether it names a place in a store, as fsspec writes it."""
+    """True for an address in a store, in fsspec's form."""
     return "://" in text
 
 
@@ -51,7 +51,7 @@ def list_store(url: str) -> tuple[str, ...]:
 
 
 def _below(system: Any, path: str, url: str) -> list[str]:
-    """Get the files of a folder and of those in it."""
+    """Files of a folder and its subfolders."""
     if "http" not in system.protocol:
         return list(system.find(path))
     # A web server may answer any path with a list, and so without end.
@@ -81,7 +81,7 @@ def _below(system: Any, path: str, url: str) -> list[str]:
 
 
 def _size_of(system: Any, path: str, url: str) -> int:
-    """How long a file is; some servers do not tell, or tell what cannot be."""
+    """Size of a file; some servers report none, or an impossible one."""
     size = system.info(path).get("size")
     if not isinstance(size, int) or not 0 <= size <= MOST_BYTES:
         raise StoreError(
@@ -92,9 +92,9 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """Whether it is a file: a web server, which calls all things files, is asked by the name.
+    """True for a file. A web server calls everything a file, so the name decides.
 
-    To ask it for links would fetch the file.
+    Requesting its links would download the file.
     """
     if "http" not in system.protocol:
         return bool(system.isfile(path))
@@ -103,7 +103,7 @@ def _is_file(system: Any, path: str) -> bool:
 
 
 def marks_of(url: str) -> list[object]:
-    """Get what tells a file from itself before it was changed.
+    """Properties that change when a stored file changes.
 
     Raises `StoreError`: the store does not answer, or the file is gone.
     """
@@ -121,9 +121,9 @@ def open_stored(
     center_frequency_hz: float | None = None,
     start_time_ns: int | None = None,
 ) -> RecordingSource:
-    """Open a recording of a store; see `open_recording` for what is told of it.
+    """Open a recording of a store; parameters as in `open_recording`.
 
-    Raises `FormatError`: it is not what it is said to be.
+    Raises `FormatError`: it differs from its description.
     Raises `StoreError`: the store does not answer, or the file is gone.
     """
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
@@ -144,7 +144,7 @@ def open_stored(
 
 
 class _StoredBytes:
-    """A file of a store, for `RecordingSource`."""
+    """A stored file as a byte source for `RecordingSource`."""
 
     def __init__(self, url: str) -> None:
         self._url = url
@@ -154,9 +154,9 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a piece of memory from a place on; how much was got.
+        """Fill a buffer from an offset; returns the number of bytes.
 
-        Raises `StoreError`: the store does not answer, or gives less than there was.
+        Raises `StoreError`: the store does not answer, or returns less than before.
         """
         with _asked(self._url):
             self._file.seek(offset)
@@ -169,12 +169,11 @@ class _StoredBytes:
         return got
 
     def close(self) -> None:
-        """Close it."""
         self._file.close()
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Copy a file's ends into a file of its size and name."""
+    """Copy a file's ends into a sparse file of its size and name."""
     copy = folder / PurePosixPath(url).name
     with _asked(url):
         system, path = _opened(url)
@@ -192,7 +191,7 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Get a piece of a file; a web server may give all of it instead."""
+    """Get a part of a file; a web server may return all of it instead."""
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
@@ -219,7 +218,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 @contextmanager
 def _asked(url: str) -> Iterator[None]:
-    """Name what a store answers in place of what was asked."""
+    """Run a store request, and convert its errors."""
     try:
         yield
     except _faults() as error:
@@ -231,7 +230,7 @@ def _asked(url: str) -> Iterator[None]:
 
 @contextmanager
 def _named(url: str, copy: str) -> Iterator[None]:
-    """Name the file in the store, not its copy."""
+    """Name the file in the store, not its copy, in errors."""
     try:
         yield
     except FormatError as error:
@@ -239,7 +238,7 @@ def _named(url: str, copy: str) -> Iterator[None]:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """What stores raise: the system's errors, and those of the libraries that are loaded."""
+    """Error types of stores: the system's, and those of the loaded libraries."""
     known: list[type[Exception]] = [OSError, EOFError]
     for module, names in (
         ("aiohttp", ("ClientError",)),

@@ -1,4 +1,4 @@
-"""The Parquet that a batch writes: its columns, and how rows get in and out."""
+"""Parquet tables of a batch: columns, writing and reading."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,31 +24,29 @@ RECORDINGS, FLIGHTS = "recordings.parquet", "flights.parquet"
 PASSED_OVER, OUTLINES = "passed_over.parquet", "outlines.msgpack"
 ROWS = "rows.json"
 DONE, PLACED = "done", "placed"
-"""Folders of rows."""
 MONTHS = "months"
-"""Folder of copies."""
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
 _PANDAS = {"whole": "Int64", "switch": "boolean"}
-"""Its types that take nulls."""
+"""pandas types that hold nulls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingRow:
-    """What was done with a recording; a row of the table of recordings."""
+    """Result for a recording; a row of the table of recordings."""
 
     path: str
-    """Of the recording; a flight of which no recording was searched: its directory."""
+    """Path of the recording; the directory of a flight without a searched recording."""
     flight: str
     fingerprint: str
-    """Of the recording, the tags and the settings: another one is another batch."""
+    """Fingerprint of recording, tags and settings."""
     state: str
     """done, truncated (used up to its fault), failed (no pulse of it counts) or recorded (the
     pulses are those that the flight itself found)."""
     fault: str | None
     start_time_ns: int | None
     length_s: float | None
-    """Of its samples, lost ones left out; None: not known."""
+    """Duration of its samples, lost ones left out; None: not known."""
     sample_rate_hz: float | None
     center_frequency_hz: float | None
     pulses: int
@@ -60,20 +58,20 @@ class RecordingRow:
     finished_time_ns: int
     uavrt_version: str
     beeps: str = ""
-    """What beeps and is not as listed, a line each."""
+    """Received signals that are not as listed, a line each."""
     tags_outside: tuple[int, ...] = ()
     """Listed tags outside of its band, which were not searched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRow:
-    """What was done with a flight's pulses; a row of the table of flights."""
+    """Result for a flight's pulses; a row of the table of flights."""
 
     path: str
     """The flight's directory; without one, the recording."""
     flight: str
     fingerprint: str
-    """Of all that its steps read."""
+    """Fingerprint of all inputs of its steps."""
     state: str
     """done, or failed."""
     fault: str | None
@@ -84,20 +82,20 @@ class FlightRow:
     pulses: int
     pulses_with_pose: int
     clock_offset_s: float | None
-    """By which the pulses' clock was ahead of the track's."""
+    """Offset of the pulses' clock ahead of the track's."""
     bearings: int
     positions: int
     cpu_s: float
     finished_time_ns: int
     uavrt_version: str
     dem: str | None = None
-    """Elevation files of the ground; without any it was taken as level."""
+    """Elevation files of the ground; empty for level ground."""
     integrate_fault: str | None = None
     """Why some tags were not judged by the whole flight."""
     fingerprints: str = ""
-    """Of what each of its steps read, as STEP=FINGERPRINT with commas between."""
+    """Fingerprints of the inputs of each step, as STEP=FINGERPRINT with commas between."""
     copies: str = ""
-    """Directories that hold the same flight, a line each; nothing of them is in the tables."""
+    """Directories that hold the same flight, a line each; they are not in the tables."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +105,7 @@ class PoseRow:
     recording: str
     tag_id: int
     start_time_ns: int
-    """Of the pulse: these three tell which."""
+    """Start of the pulse; with tag and rate it identifies the pulse."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -128,7 +126,7 @@ class BearingOfTag:
     middle_time_ns: int
     end_time_ns: int
     latitude_deg: float
-    """From where."""
+    """Place of the bearing's origin."""
     longitude_deg: float
     altitude_amsl_m: float
     bearing_deg: float
@@ -150,11 +148,11 @@ class BearingOfTag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionOfTag:
-    """Where a tag was; a row of the positions."""
+    """Position of a tag; a row of the positions."""
 
     tag_id: int
     start_time_ns: int
-    """Of the first pulse that it rests on."""
+    """Start of the first pulse used."""
     end_time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -171,11 +169,11 @@ class PositionOfTag:
     heading_error_sigma_deg: float | None
     remarks: str
     cautions: str
-    """Names of what makes it less sure than its circles say, with commas between."""
+    """Names of cautions on the position, with commas between."""
     cautions_in_words: str
-    """The same for the operator, a line each."""
+    """Texts of these cautions for the operator, a line each."""
     track_time_ns: tuple[int, ...]
-    """Of a tag that moved: its way."""
+    """Path of a moving tag."""
     track_latitude_deg: tuple[float, ...]
     track_longitude_deg: tuple[float, ...]
     track_radius50_m: tuple[float, ...]
@@ -189,13 +187,13 @@ TABLES: dict[str, type] = {
     POSITIONS: PositionOfTag,
     INTEGRATED: IntegratedVerdict,
 }
-"""In folders, a file for each recording or flight."""
+"""Tables in folders, a file for each recording or flight."""
 
 Row = TypeVar("Row")
 
 
 def need_pyarrow() -> None:
-    """Refuse before the work what could not be written after it.
+    """Check before the work that its results can be written.
 
     Raises `UsageError`: the extra is missing.
     """
@@ -204,10 +202,10 @@ def need_pyarrow() -> None:
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """List the columns of a record's fields, and of its times as such (``start_utc``).
+    """Columns of a record's fields, with times also as timestamps (``start_utc``).
 
-    `record`: of the rows. Those of pulses also have the recording and its cell.
-    `flight`: also the flight's name, of rows that do not have it themselves.
+    `record`: type of the rows. Pulses also get recording and cell.
+    `flight`: add the flight's name to rows without it.
     """
     import pyarrow as pa
 
@@ -237,11 +235,9 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Write which columns pandas must not make floats or objects of because of a null.
+    """Metadata for pandas: columns that must keep their type despite nulls.
 
-    References
-    ----------
-    https://pandas.pydata.org/docs/development/developer.html
+    See https://pandas.pydata.org/docs/development/developer.html.
     """
     columns = [
         {
@@ -259,7 +255,7 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
 ) -> Seal:
-    """Write pulses, each with its cell's number, in the order of their times.
+    """Write pulses with their cells' numbers, in order of their times.
 
     Raises `OSError`: it cannot be written.
     """
@@ -274,7 +270,7 @@ def write_pulses(
 def write_rows(
     path: Path, record: type[Row], rows: Sequence[Row], flight: str | None = None
 ) -> Seal:
-    """Write records of one kind, of a flight that they do not name themselves or of many.
+    """Write records of one kind, of one flight or of many.
 
     Raises `OSError`: it cannot be written.
     """
@@ -302,7 +298,7 @@ def read_pulses(path: Path) -> Iterator[Pulse]:
 
 
 def pulse_of(row: dict[str, Any]) -> Pulse:
-    """Make a pulse of a row of the table, whatever else is in it."""
+    """Make a pulse from a row of the table; other columns are ignored."""
     values = {one.name: row[one.name] for one in PULSE_FIELDS if one.name in row}
     listed = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
     return Pulse(**(values | listed))
@@ -332,7 +328,7 @@ def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[A
 
 
 def _microseconds(times_ns: list[int | None]) -> list[int | None]:
-    """Round times down to what Python, R and Spark take."""
+    """Round times down to microseconds, for Python, R and Spark."""
     return [None if one is None else one // 1000 for one in times_ns]
 
 
@@ -341,7 +337,7 @@ def _plain(value: Any) -> Any:
 
 
 def encoded(text: str, also: str = "") -> str:
-    """Write letters, digits, ``._-`` and `also` as they are, and all else as %20."""
+    """Percent-encode all but letters, digits, ``._-`` and `also`."""
     plain = f"._-{also}"
     return "".join(
         one if one.isalnum() or one in plain else quote(one, safe="") for one in text

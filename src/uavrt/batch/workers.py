@@ -1,4 +1,4 @@
-"""Tasks side by side in processes of their own; one that dies costs only its task."""
+"""Parallel tasks in separate processes; a crash costs only its task."""
 
 import multiprocessing
 import signal
@@ -13,7 +13,7 @@ from uavrt.errors import UavrtError
 from uavrt.ipc.parent import die_with_parent
 
 MOST_DEATHS = 3
-"""Of workers, with the same cell in hand: then it is left out."""
+"""Worker crashes on the same cell after which it is skipped."""
 _LOOK_S = 0.3
 
 
@@ -22,18 +22,18 @@ R = TypeVar("R")
 
 
 class Task(Protocol[R_co]):
-    """What a worker can do; it travels to the worker by pickle."""
+    """A picklable task of a worker."""
 
     def packed(self) -> "Task[R_co]":
-        """Take along what the worker is to have."""
+        """Load the data that the worker needs."""
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> R_co | None:
-        """Do it, and tell how much; None: stopped before the end."""
+        """Run it, and report progress; None: stopped before the end."""
 
     def failed(self, fault: str) -> R_co:
-        """Give a result when nothing could be done."""
+        """Result for a task that could not be done."""
 
 
 def run_tasks(
@@ -43,11 +43,11 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Work on tasks; yield each one's number and result as it is done.
+    """Run tasks; yield each one's number and result as it is done.
 
     `workers`: how many at a time; with one, this process does the work.
     `should_stop`: called several times a second; True ends it.
-    `on_done`: takes how much was done since it was last called.
+    `on_done`: receives the amount done since its last call.
     """
     if workers <= 1:
         for number, task in enumerate(tasks):
@@ -72,27 +72,27 @@ def run_tasks(
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """Numbers of tasks that were not done."""
+    """Numbers of unfinished tasks."""
 
     undone: list[int]
     in_hand: list[int]
-    """Of these, what was worked on when a worker died."""
+    """Tasks in progress when a worker died."""
 
 
 class Crew(Protocol):
-    """Workers of whatever kind."""
+    """Interface of a set of workers."""
 
     def at_once(self) -> int:
-        """How many tasks to hand out."""
+        """Number of tasks to hand out."""
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
-        """Hand one out."""
+        """Hand out a task."""
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
         """Take a result; raises BrokenProcessPool when the crew has broken up."""
 
     def done(self) -> int:
-        """How much all of them have done."""
+        """Amount done by all of them."""
 
 
 def side_by_side(
@@ -102,13 +102,13 @@ def side_by_side(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Left]:
-    """Yield tasks as they are done; return what is left when the crew has broken up.
+    """Yield tasks as they are done; return those left when the crew has broken up.
 
-    When the run is to stop, what is in hand is left: it is done again.
+    When the run is to stop, tasks in progress are abandoned and done again later.
     """
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
-    broken, told = False, 0
+    broken, reported = False, 0
     while not broken:
         # No more than are worked on: what waits is not in anybody's hand.
         while len(running) < crew.at_once() and not should_stop():
@@ -124,8 +124,8 @@ def side_by_side(
             break
         ended, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
         now = crew.done()
-        on_done(now - told)
-        told = now
+        on_done(now - reported)
+        reported = now
         if should_stop():
             break
         in_hand = list(running.values())
@@ -139,12 +139,12 @@ def side_by_side(
             if result is not None:
                 del undone[number]
                 yield number, result
-    on_done(crew.done() - told)
+    on_done(crew.done() - reported)
     return Left(list(undone), in_hand if broken else [])
 
 
 def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
-    """Pack a task and hand it out; what cannot be packed has failed."""
+    """Pack a task and hand it out; a task that cannot be packed has failed."""
     try:
         return crew.submit(task.packed())
     except UavrtError as error:
@@ -200,9 +200,9 @@ _shared: list[Any] = []
 
 
 def _begin(done: Any) -> None:
-    """Prepare a worker: Ctrl-C reaches all of the terminal, and the parent ends us.
+    """Prepare a worker: ignore Ctrl-C, and end with the parent.
 
-    Without the parent nobody holds the output's lock: its workers die with it.
+    The parent holds the output's lock, so its workers must not survive it.
     """
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -222,7 +222,7 @@ def _work(task: Task[R]) -> R | None:
 def guarded(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Pack a task and work on it here."""
+    """Pack a task and run it in this process."""
     try:
         packed = task.packed()
     except UavrtError as error:
@@ -233,7 +233,7 @@ def guarded(
 def worked(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Work on a task; what nobody foresaw costs the task, not the run."""
+    """Run a task; an unexpected error costs the task, not the run."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:

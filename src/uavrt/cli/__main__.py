@@ -1,7 +1,7 @@
-"""Where ``uavrt`` and ``python -m uavrt.cli`` begin.
+"""Entry point of ``uavrt`` and ``python -m uavrt.cli``.
 
-The command line takes most of a second to import. A Ctrl-C in that time has nothing to end in
-order: it ends the program as the system does, without a traceback of what was being imported.
+The command line takes most of a second to import. Nothing has to be shut down in that time, so
+Ctrl-C ends the program at once, without a traceback of the imports.
 """
 
 import signal

@@ -1,4 +1,4 @@
-"""The command line's frame: subcommands by name, errors in plain words, exit codes."""
+"""Command line frame: subcommands by name, errors in plain words, exit codes."""
 
 import sys
 
@@ -39,7 +39,8 @@ COMMANDS = {
     "starter": "The ground station in the desktop's menu.",
     "update": "Install another version offline, with a way back.",
 }
-"""Each is the function of this name in the module of this name, imported when it is called."""
+"""Summary of each command; the function of this name in the module of this name, imported when
+it is called."""
 
 
 def make_app(*, summaries: bool = False) -> App:
@@ -64,7 +65,7 @@ def make_app(*, summaries: bool = False) -> App:
 
 
 def _default(value: object) -> str | None:
-    """Write a default for the help; that something is off or empty goes without saying."""
+    """Write a default for the help; off and empty are left out."""
     if value is None or value is False or value in ("", ()):
         return None
     return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -74,7 +75,7 @@ app = make_app()
 
 
 def run() -> None:
-    """Run ``uavrt``; a deliberate error is printed without a traceback and exits with 2."""
+    """Run ``uavrt``; expected errors are printed without a traceback and exit with 2."""
     guard_terminals()
     try:
         arguments = sys.argv[1:]
@@ -84,7 +85,7 @@ def run() -> None:
             fill_help(arguments[0])
         chosen(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        _tell(error)
+        _print_fault(error)
         sys.exit(2)
     except UavrtError as error:
         print(harmless(f"uavrt: {error}"), file=sys.stderr)
@@ -109,8 +110,8 @@ def run() -> None:
         sys.exit(2)
 
 
-def _tell(error: CycloptsError) -> None:
-    """Say what is wrong with the words of a command."""
+def _print_fault(error: CycloptsError) -> None:
+    """Print a fault in a command's arguments."""
     argument = error.argument
     if not isinstance(error, MissingArgumentError) or argument is None:
         Console(stderr=True).print(CycloptsPanel(error))

@@ -1,4 +1,4 @@
-"""``uavrt archive``: questions over all flights that a batch has searched."""
+"""``uavrt archive``: queries over all flights searched by a batch."""
 
 import json
 import sys
@@ -26,7 +26,7 @@ AsJson = Annotated[bool, Parameter(name="--json", negative="")]
 
 
 def _ready(name: str, what: str) -> None:
-    """Add a command that asks a ready question."""
+    """Add a command for a predefined query."""
 
     def command(directory: Path, *, as_json: AsJson = False) -> None:
         from uavrt.batch.questions import QUESTIONS, ask
@@ -113,7 +113,7 @@ def export(
     directory
         What uavrt batch wrote.
     output
-        Directory for the files: a folder for each flight, GeoParquet beside them.
+        Directory for the files: a folder for each flight, and the GeoParquet files.
     formats
         Any of csv, uavrt, geojson, kmz, gpx, geopackage, movebank, geoparquet; by default all.
     flights
@@ -126,7 +126,7 @@ def export(
 
 
 def _flat(answer: "pa.Table") -> "pa.Table":
-    """Write lists as text, as JSON has them, and no text as a spreadsheet's formula."""
+    """Write lists as JSON text, and escape text that a spreadsheet takes as a formula."""
     import pyarrow as pa
 
     from uavrt.recording.csv_line import no_formula
@@ -146,7 +146,7 @@ def _flat(answer: "pa.Table") -> "pa.Table":
 
 
 def _in_microseconds(answer: "pa.Table") -> "pa.Table":
-    """Cut times to microseconds: Python's have no more."""
+    """Cut times to microseconds, the limit of Python's times."""
     import pyarrow as pa
 
     kinds = {field.name: field.type for field in answer.schema}

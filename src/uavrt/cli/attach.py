@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, SecondsApart
-from uavrt.cli.near_codes import tell_near_codes
+from uavrt.cli.near_codes import warn_of_near_codes
 from uavrt.cli.outputs import check_place, keep_inputs
 
 
@@ -64,7 +64,7 @@ def attach(
     heard = log.pulse_poses
     if tags is not None:
         listed = read_tags(tags)
-        tell_near_codes(listed)
+        warn_of_near_codes(listed)
         heard = tuple(bursts_of_pulses(log.pulse_poses, listed))
         text = f"{len(heard)} bursts of listed codes in {len(log.pulse_poses)} pulses"
         print(f"uavrt: {text}", file=sys.stderr)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
 _STOPPED = "stopped: the same command goes on from here"
 _END_S = 0.5
-"""After Ctrl-C: to end in good order, and again as long until all is ended."""
+"""Time to end in good order after Ctrl-C, and again until the process is ended."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 
 
@@ -52,20 +52,20 @@ def batch(
     """Find the pulses of tags in all recordings of an archive, and where the tags were.
 
     Detects in all recordings; gives pulses the poses of the flight that the recording lies in,
-    or of a track beside it; estimates bearings and positions as uavrt localize does. A flight
-    without a recording gives the pulses that it found itself. Writes Parquet tables for uavrt
-    archive and for any program that reads Parquet. A run that was stopped or killed goes on
-    where it was; what is done already is not done again, and what was changed (a recording, the
-    tags, the settings) is. What is broken is reported and passed over. Exits with 1 if anything
-    was. Needs the extra uavrt[batch].
+    or of a track with the same name; estimates bearings and positions as uavrt localize does. A
+    flight without a recording gives the pulses that it found itself. Writes Parquet tables for
+    uavrt archive and for any program that reads Parquet. A run that was stopped or killed
+    continues where it was; only new or changed recordings, tags and settings are computed
+    again. Damaged files are reported and skipped, and the exit status is then 1. Needs the
+    extra uavrt[batch].
 
     Parameters
     ----------
     paths
-        Recordings, and folders with recordings and flights: SigMF, WAV, and raw files that a
-        or manifest gives a rate and frequency; also in object stores that fsspec
-        knows (s3://BUCKET/FOLDER). A track beside a recording has its
-        name and ends in .ulg, .bin, .tlog, .gpx or .nmea.
+        Recordings, and folders with recordings and flights: SigMF, WAV, and raw files whose
+        rate and frequency a manifest gives; also in object stores that fsspec supports
+        (s3://BUCKET/FOLDER). A recording's track has its name, in the same folder, and ends in
+        .ulg, .bin, .tlog, .gpx or .nmea.
     tags
         Tag file: TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
     output
@@ -81,8 +81,8 @@ def batch(
         tcp://HOST:PORT of a Dask cluster that does the work instead; its workers must see the
         files under the same names.
     cell
-        The detector starts anew so often, in seconds of each recording: cells are worked on
-        in parallel, and the result does not depend on which process does which.
+        Length of the cells of a recording that are searched in parallel, in seconds; the
+        detector restarts in each. The result does not depend on the number of processes.
     lead_in
         Seconds before each cell that are read again, so that the detector knows the noise.
     steps
@@ -109,9 +109,9 @@ def batch(
     check_position_method(method)
     how = place.read_as(method)  # a damaged file is named before anything is done
     given = [one for one in (manifest, tags) if one is not None]
-    told = None if manifest is None else read_manifest(manifest)
-    found = find_recordings(paths, told, known=given)
-    _tell_passed_over(found)
+    listed = None if manifest is None else read_manifest(manifest)
+    found = find_recordings(paths, listed, known=given)
+    _print_skipped(found)
     if not found.recordings and not found.flights:
         raise UsageError(
             "there is no recording and no flight",
@@ -148,10 +148,10 @@ def batch(
             should_stop=lambda: stopped() is not None,
             on_stage=on_stage,
             on_done=on_done,
-            on_row=_tell,
-            on_kept=_tell_kept,
-            on_origin=_tell_origin,
-            on_damage=_tell_damage,
+            on_row=_print_row,
+            on_kept=_print_kept,
+            on_origin=_print_origin,
+            on_damage=_print_damage,
             on_wait=lambda text: print(text, file=sys.stderr),
         )
         summary = None
@@ -178,7 +178,7 @@ def _leave(status: int) -> NoReturn:
 
 @contextmanager
 def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], None]]]:
-    """Show a bar when somebody looks."""
+    """Show a progress bar on a terminal."""
     if not sys.stderr.isatty():
         yield (lambda _name, _total: None), (lambda _amount: None)
         return
@@ -193,20 +193,20 @@ def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], No
         )
 
 
-def _tell(row: "RecordingRow | FlightRow") -> None:
+def _print_row(row: "RecordingRow | FlightRow") -> None:
     if row.state in ("truncated", "failed"):
         print(f"{row.path}: {row.state}: {row.fault}", file=sys.stderr)
 
 
-def _tell_kept(name: str, fault: str) -> None:
+def _print_kept(name: str, fault: str) -> None:
     print(f"{name}: kept from before: not reachable now: {fault}", file=sys.stderr)
 
 
-def _tell_damage(name: str, fault: str) -> None:
+def _print_damage(name: str, fault: str) -> None:
     print(f"{name} was damaged and is made again: {fault}", file=sys.stderr)
 
 
-def _tell_passed_over(found: "Found") -> None:
+def _print_skipped(found: "Found") -> None:
     """Name each folder that cannot be read, and other files by their endings."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
@@ -223,7 +223,7 @@ def _tell_passed_over(found: "Found") -> None:
             print(f"{files} passed over, as {paths[0]}: {reason}", file=sys.stderr)
 
 
-def _tell_origin(name: str, origin: str) -> None:
+def _print_origin(name: str, origin: str) -> None:
     print(f"{name}: {origin}", file=sys.stderr)
 
 

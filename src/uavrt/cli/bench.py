@@ -1,4 +1,4 @@
-"""``uavrt doctor --flight``: the list before a first flight, on the drone's own computer."""
+"""``uavrt doctor --flight``: checklist for a first flight, on the drone's own computer."""
 
 from pathlib import Path
 
@@ -16,15 +16,15 @@ from uavrt.recording.quiet_noise import read_usual_noise_db
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 LISTEN_NS = ns_from_s(30.0)
-"""Several intervals of any tag, and thirty reports of noise."""
+"""Listening time: several intervals of any tag, and thirty noise reports."""
 ENOUGH_NS = ns_from_s(5.0)
-"""All is in order after so long: no need to listen on."""
+"""Listening time after which the check ends if all is in order."""
 HEARS_AUTOPILOT = ("ready", "waiting for ground station")
-"""What the connection says of itself when it knows the autopilot and its time."""
+"""States of the connection after it has received the autopilot and its time."""
 
 
 def bench_findings(settings: Settings) -> list[Finding]:
-    """Listen to the running system; judge what was heard."""
+    """Listen to the running system, and check what it reports."""
     try:
         reader = StatusReader(status_socket_path(settings))
     except (UavrtError, OSError):
@@ -43,7 +43,7 @@ def bench_findings(settings: Settings) -> list[Finding]:
 
 
 class _Ear:
-    """Hears the records of the running system."""
+    """Collects records of the running system."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -55,7 +55,6 @@ class _Ear:
         self._here = (check_disk(settings), check_card(settings), check_kept_time())
 
     def take(self, record: object, now_ns: int) -> None:
-        """Hear a record."""
         self._bench.take(record, now_ns)
         match record:
             case SystemStatus():
@@ -64,12 +63,12 @@ class _Ear:
                 self._battery_percent = None if seen is None else seen.battery_percent
 
     def is_content(self) -> bool:
-        """Whether all is in order; while nothing is searched for it is not."""
+        """True if all is in order and something is searched."""
         detects = self._status is not None and self._status.state is SystemState.DETECTING
         return detects and all(one.ok or one.open for one in self.findings())
 
     def findings(self) -> list[Finding]:
-        """Judge what was heard so far; the battery only where it is told here."""
+        """Check the records so far; the battery only if a charge is given here."""
         status, pose_ns, now_ns = self._status, self._bench.pose_ns, _now_ns()
         processes = {} if status is None else {one.process: one for one in status.processes}
         link = processes.get("connection")
@@ -84,11 +83,11 @@ class _Ear:
             own_findings=(check_radio(self._settings, status), *self._here),
         )
         found = first_flight(facts, self._bench, now_ns)
-        told = self._battery_percent is not None
-        return [one for one in found if told or one.what != "battery"]
+        has_charge = self._battery_percent is not None
+        return [one for one in found if has_charge or one.what != "battery"]
 
     def _usual_noise(self, status: SystemStatus | None) -> float | None:
-        """The noise of past flights, read once it is known which flight is not past."""
+        """Noise of past flights, read when the present flight is known."""
         if status is not None and not self._compared:
             now = Path(status.flight_directory).name if status.flight_directory else None
             flights = flights_in_order(Path(self._settings.recording.directory))

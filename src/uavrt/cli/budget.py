@@ -1,4 +1,4 @@
-"""Options of the link budget, for commands that predict how far a tag is heard."""
+"""Link budget options, for commands that predict a tag's range."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -47,7 +47,7 @@ class Budget:
         pulse_width_s: float,
         drone_noise_db: float = 0.0,
     ) -> "LinkBudget":
-        """Make the budget of a tag and a drone."""
+        """Link budget of a tag and a drone."""
         from uavrt.planning.link_budget import LinkBudget
 
         return LinkBudget(

@@ -1,4 +1,4 @@
-"""``uavrt channelize``: a band in, the original's channel datagrams out."""
+"""``uavrt channelize``: converts a band to the original's channel datagrams."""
 
 # isort: off
 from uavrt.cli.kinds import Between, Hertz, HertzOrZero
@@ -23,7 +23,7 @@ from uavrt.radio.source import SampleSource
 from uavrt.radio.udp_address import is_udp_address
 
 THESIS_RATE_HZ = 375_000.0
-"""3 MS/s, decimated by csdr."""
+"""Sample rate of the thesis: 3 MS/s, decimated by csdr."""
 
 
 def channelize(

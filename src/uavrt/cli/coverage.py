@@ -1,4 +1,4 @@
-"""``uavrt coverage``: where a tag is heard, before a flight and after it."""
+"""``uavrt coverage``: where a tag would be heard, before or after a flight."""
 
 # isort: off
 from uavrt.cli.budget import USUAL_BUDGET, Budget
@@ -65,10 +65,10 @@ def coverage(
     """Map the probability that a tag is heard, hills included.
 
     Before a flight, SOURCE is a plan or an area; the best of several heights is named. After a
-    flight it is the flight directory: the map then tells with which probability a tag would
-    have been heard at each place, given where the drone was, how its antenna pointed and how
-    noisy it was, by groups of pulses, or by the whole flight where uavrt integrate has looked
-    for it; with --area, and for tags that were not heard, how probable it is that they are not
+    flight it is the flight directory: the map then shows the probability that a tag at each
+    place would have been heard, from the drone's path, its antenna's direction and its noise.
+    It is for groups of pulses, or for the whole flight where uavrt integrate has searched for
+    the tag. With --area, tags that were not heard also get the probability that they are not
     there.
 
     Parameters
@@ -190,7 +190,7 @@ def _check_used(
     tags: Path | None,
     ids: tuple[int, ...],
 ) -> None:
-    """Refuse options that would say nothing; raises `ConfigError`."""
+    """Reject options without effect; raises `ConfigError`."""
     if source.is_dir():
         refuse(of_plan, "is of a plan, and a flight has its own")
         refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")

@@ -1,4 +1,4 @@
-"""``uavrt coverage`` after a flight: maps of what it would have heard, for each tag."""
+"""``uavrt coverage`` after a flight: coverage maps for each tag."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from uavrt.recording.flight_reader import read_flight
 
 
 def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> list[MappedTag]:
-    """Map what a flight would have heard, for each tag."""
+    """Coverage maps of a flight, for each tag."""
     flight = read_flight(asked.source)
     way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
     known = list(flight.info.tags if tags is None else read_tags(tags))

@@ -1,4 +1,4 @@
-"""What ``uavrt coverage`` is asked for, and the maps that it gives."""
+"""Arguments and results of ``uavrt coverage``."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What the command line says."""
+    """Command-line arguments."""
 
     source: Path
     elevation: "Elevation | None"
@@ -36,24 +36,24 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MappedTag:
-    """The map of one tag at one height, and what follows from it."""
+    """The map of one tag at one height, and derived values."""
 
     tag: "Tag"
     height_m: float | None
-    """None: that of a flight."""
+    """None: the flight's own."""
     coverage: "Coverage"
     best: bool = True
     in_area: float | None = None
     """Mean probability in the outline."""
     absence: "Absence | None" = None
     heard: int = 0
-    """Confirmed pulses of it in the flight."""
+    """Number of confirmed pulses in the flight."""
     antenna: str
-    """Name of its pattern."""
+    """Name of the antenna's pattern."""
     in_hindsight: bool = False
-    """Whether the whole flight showed it."""
+    """True if judging the whole flight found the tag."""
     silent: "SilentAround | None" = None
-    """What silence says around a flight; None where it was heard."""
+    """Coverage around a flight; None where the tag was heard."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 

@@ -48,8 +48,8 @@ def demo(
     Parameters
     ----------
     search
-        The drone finds three animals by itself, one of them walking, with nobody touching it;
-        its decisions are printed as it takes them. Exits with 1 unless all are found.
+        The drone finds three animals by itself, one of them walking, without any command from
+        a person; its decisions are printed as it takes them. Exits with 1 unless all are found.
     drones
         Number of drones, up to four, that fly side by side, each with its own receiver; one
         ground station has a page for each. Two take about half of a core. With --search they
@@ -121,14 +121,14 @@ def demo(
 
 
 def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
-    """Let the drone search by itself; exit with 1 unless it has found all."""
+    """Let the drone search autonomously; exit with 1 unless it has found all."""
     out = sys.stderr if json_summary else sys.stdout
     summary = SearchDemo(
         scenario=world,
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
-        told=with_figures if json_summary else in_plain_words,
+        describe=with_figures if json_summary else in_plain_words,
     ).run()
     if json_summary:
         print_json(summary.as_dict())
@@ -170,12 +170,12 @@ def _search_together(
 
 
 def _print_domain(domain: int) -> None:
-    """Name the ROS domain where no view shows it."""
+    """Print the ROS domain where no view shows it."""
     print(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list", file=sys.stderr, flush=True)
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:
-    """Open the page where there is a screen; tell its address in any case."""
+    """Open the page if there is a screen, and print its address."""
 
     def show(address: str) -> None:
         if console is not None:

@@ -2,7 +2,7 @@
 
 # isort: off
 from uavrt.cli.kinds import Hertz, HertzOrZero
-from uavrt.cli.near_codes import tell_near_codes
+from uavrt.cli.near_codes import warn_of_near_codes
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
@@ -191,7 +191,7 @@ def detect(
 
 
 def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
-    """Choose the tags within the band, and name those outside, which are not searched."""
+    """Choose the tags within the band, and report those outside, which are not searched."""
     inside = known.within(source.sample_rate_hz, source.center_frequency_hz).tags
     for tag in known.tags:
         if tag not in inside:
@@ -204,14 +204,14 @@ def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
 
 
 def _name(beeps: Sequence[Beep]) -> None:
-    """Print what is not as listed."""
+    """Print signals that are not as listed."""
     for line in words_of_beeps(beeps):
         print(line, file=sys.stderr)
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
-    """Say before the work begins that a tag list needs more than a core in real time."""
-    tell_near_codes(tags, settings.frequency_window_hz)
+    """Warn before the work that a tag list needs more than a core in real time."""
+    warn_of_near_codes(tags, settings.frequency_window_hz)
     cores = search_cost(tags, cpu_s, settings=settings)
     if cores <= 1.0:
         return
@@ -237,7 +237,7 @@ def _tags(path: Path | None, flown: Flight | None) -> TagSource:
 
 
 def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
-    """Search all tags in the mode that was asked for; without one as their file says."""
+    """Search all tags in the requested mode; without one as their file says."""
     if mode is None:
         return known
     modes = {tag.tag_id: OperatingMode(mode) for tag in known.tags}
@@ -245,7 +245,7 @@ def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
 
 
 def _searched(known: TagSource, frequency_window_hz: float) -> DetectionSettings:
-    """What a flight's settings say of the search; no source has tags of several modes."""
+    """Search settings of a flight; no source has tags of several modes."""
     settings = DetectionSettings(frequency_window_hz=frequency_window_hz)
     for mode in known.operating_modes.values():
         settings = replace(settings, operating_mode=mode.value)
@@ -259,7 +259,7 @@ def _listeners(
     udp_pulses: str | None,
     frequency_window_hz: float,
 ) -> "list[Listener]":
-    """Make those who hear of the detection; what cannot work shows before it begins."""
+    """Make the receivers of results; faults in them show before the work."""
     if plot is None and udp_pulses is None:
         return []
     from uavrt.cli.listeners import Plots, PulseDatagrams  # 4 MB
@@ -273,12 +273,12 @@ def _listeners(
 
 
 def _to_all(write: Write, listeners: "Sequence[Listener]") -> Write:
-    def write_and_tell(pulses: Sequence[Pulse]) -> None:
+    def write_and_notify(pulses: Sequence[Pulse]) -> None:
         write(pulses)
         for listener in listeners:
             listener.pulses(pulses)
 
-    return write_and_tell
+    return write_and_notify
 
 
 @contextmanager
@@ -300,7 +300,7 @@ def _finish(listeners: "Sequence[Listener]") -> None:
 
 
 def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
-    """One call to the same method of all listeners; None without listeners."""
+    """Call a method on all listeners; None without listeners."""
     methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
 
     def call_each(argument: Any) -> None:
@@ -319,8 +319,8 @@ def open_source(
 ) -> SampleSource:
     """Open a channel's port, standard input or a recording.
 
-    Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or something is not
-    told.
+    Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or a value is
+    missing.
     """
     if is_udp_address(recording):
         return open_channel(
@@ -350,7 +350,7 @@ def open_source(
 
 @contextmanager
 def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
-    """Open the output at once, so that a wrong place shows before the work."""
+    """Open the output at once, so that a wrong path is reported before the work."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
             f"{name} would be a spreadsheet file",
@@ -396,12 +396,12 @@ def _cannot_write(name: str, error: OSError) -> RecordingError:
 
 @contextmanager
 def stop_on_signals(within_s: float | None = None) -> Iterator[Callable[[], int | None]]:
-    """Note Ctrl-C and SIGTERM, so that the pulses found so far are still written.
+    """Catch Ctrl-C and SIGTERM, so that the pulses found so far are still written.
 
     A second Ctrl-C ends at once.
 
-    `within_s`: what has not ended so long after the first is interrupted by KeyboardInterrupt,
-    and the program is ended after the same time again: for work that any end leaves whole.
+    `within_s`: time after which unfinished work is interrupted by KeyboardInterrupt, and after
+    twice the time the program is ended: for work whose output is valid at any end.
     """
     seen: list[int] = []
     timers: list[threading.Timer] = []
@@ -435,7 +435,7 @@ def _report(
     writer: FlightWriter | None,
     source: SampleSource,
 ) -> None:
-    """Say on stderr what was done."""
+    """Print a summary on stderr."""
     if not summary.samples:
         return
     lines = [
@@ -481,7 +481,7 @@ def _report(
 
 
 def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
-    """Say what a live stream may have lost beside what is known."""
+    """Print possible losses of a live stream beyond those counted."""
     why = getattr(source, "unseen_losses", None)
     if why is not None:
         return f"{why}: times count from the first sample, and losses do not show"

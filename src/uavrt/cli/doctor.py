@@ -1,4 +1,4 @@
-"""``uavrt doctor``: what is wrong with this computer."""
+"""``uavrt doctor``: check this computer for problems."""
 
 import logging
 import sys
@@ -97,7 +97,7 @@ def autopilot_findings(
     mavlink: str | None,
     fix: bool,
 ) -> Iterable[Finding]:
-    """Examine the autopilot's parameters, unless the link is in use."""
+    """Check the autopilot's parameters, unless the link is in use."""
     address = mavlink or settings.mavlink.address
     if not address:
         raise UsageError("no autopilot is configured", remedy="Give its link with --mavlink")

@@ -1,4 +1,4 @@
-"""The option ``--dem`` of commands that know of hills."""
+"""The option ``--dem`` of commands that consider hills."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +13,7 @@ def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
     """Open elevation files; None where none are named.
 
     Raises `ConfigError`: water is given, but no elevation file.
-    Raises `FormatError`: there are none, or one is cut off, damaged, or of a kind that is not
-    read.
+    Raises `FormatError`: there are none, or one is cut off, damaged or unsupported.
     """
     if dem is None and sea:
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""Examples below the help of each command, one line for each, in Markdown."""
+"""Examples below the help of each command, in Markdown."""
 
 EXAMPLES: dict[str, list[str]] = {
     "demo": [
@@ -103,6 +103,6 @@ EXAMPLES: dict[str, list[str]] = {
 
 
 def examples(name: str) -> str | None:
-    """Examples of a command; None when it needs none."""
+    """Examples of a command; None if there are none."""
     lines = EXAMPLES.get(name)
     return None if lines is None else "\n".join(("Examples:", "```sh", *lines, "```"))

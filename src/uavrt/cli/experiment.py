@@ -1,4 +1,4 @@
-"""``uavrt experiment``: claims as repeatable experiments, one module for each."""
+"""``uavrt experiment``: repeatable experiments for published claims, one module for each."""
 
 import sys
 
@@ -17,7 +17,7 @@ EXPERIMENTS = {
     "rotation": "Turn the antenna on the spot: why was it 50 degrees off (thesis §5.5)?",
     "search": "Compare planners that find animals on their own with the published tables.",
 }
-"""The module of each is imported when it is called; its own text then stands for the line."""
+"""Experiments by module, which is imported when called; its own text then replaces the line."""
 
 experiment = App(name="experiment", help="Repeat an experiment, to check our claims.")
 _called = next((word for word in sys.argv[2:] if word in EXPERIMENTS), None)

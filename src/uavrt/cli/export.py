@@ -40,8 +40,8 @@ def export(
         With --mcap: keep the live topic names for commands. Play such a recording only where no
         drone listens.
     output
-        Directory to create; by default "export" in the flight directory or beside the log, or
-        "bag" in the flight directory for --mcap.
+        Directory to create; by default "export" in the flight directory or the log's folder,
+        or "bag" in the flight directory for --mcap.
     """
     if mcap:
         from uavrt.analysis.measure.bag import export_bag
@@ -67,6 +67,6 @@ def export(
     survey = read_survey(flight, how)
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
-    beside = flight if flight.is_dir() else flight.parent
-    for path in export_survey(survey, output or beside / "export", chosen):
+    folder = flight if flight.is_dir() else flight.parent
+    for path in export_survey(survey, output or folder / "export", chosen):
         print(path)

@@ -33,7 +33,7 @@ from uavrt.ground.fetch.sample_files import BAND, CHANNELS, is_samples, sample_p
 from uavrt.mavlink.signing import read_signing_key
 
 WIFI_BYTES_PER_S, RADIO_BYTES_PER_S = 500e3, 3e3
-"""What file transfer brings, roughly: MAVLink FTP over Wi-Fi, and at 57600 baud."""
+"""Approximate file transfer rates of MAVLink FTP over Wi-Fi, and at 57600 baud."""
 SAMPLE_NAMES = {"channels of the tags (--samples)": CHANNELS, "other samples (--all)": BAND}
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 
@@ -106,10 +106,10 @@ async def _fetch(
 
 
 async def _list_samples(client: FileClient, flight: str) -> None:
-    """Say how large the samples of a flight are."""
+    """Print the size of a flight's samples."""
     path = PurePosixPath("/" + flight.strip("/"))
-    beside = await client.list_directory(str(path))
-    if not any(entry.size is None and entry.path == f"{path}/iq" for entry in beside):
+    entries = await client.list_directory(str(path))
+    if not any(entry.size is None and entry.path == f"{path}/iq" for entry in entries):
         return
     tree = await client.tree(f"{path}/iq")
     for name, part in SAMPLE_NAMES.items():
@@ -129,8 +129,8 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
                 remedy="`uavrt fetch --list` shows what there is",
             )
         path = PurePosixPath("/" + names[-1])
-    beside = await client.list_directory(str(path.parent))
-    found = [entry for entry in beside if entry.path == str(path)]
+    entries = await client.list_directory(str(path.parent))
+    found = [entry for entry in entries if entry.path == str(path)]
     if found and found[0].size is not None:
         return found
     tree = await client.tree(str(path))
@@ -141,12 +141,12 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
             file=sys.stderr,
         )
     files = [one for one in tree.files if sample_part(one.path) not in left]
-    _tell_of_samples([one for one in tree.files if one not in files])
+    _print_samples_left([one for one in tree.files if one not in files])
     return sorted(files, key=lambda entry: entry.size or 0)
 
 
-def _tell_of_samples(entries: list[RemoteEntry]) -> None:
-    """Say what is left on the drone, and how it comes here."""
+def _print_samples_left(entries: list[RemoteEntry]) -> None:
+    """Print which samples remain on the drone, and how to fetch them."""
     for part, how in ((CHANNELS, "--samples"), (BAND, "--all")):
         size = sum(entry.size or 0 for entry in entries if sample_part(entry.path) == part)
         if size:
@@ -159,7 +159,7 @@ def _tell_of_samples(entries: list[RemoteEntry]) -> None:
 
 
 def _duration(seconds: float) -> str:
-    """About how long, in words."""
+    """Approximate duration, in words."""
     if seconds < 90.0:
         return f"about {seconds:.0f} s"
     if seconds < 5_400.0:

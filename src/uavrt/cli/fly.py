@@ -32,7 +32,7 @@ WORD = "fly"
 DRONE_WAIT_S = 10.0
 SESSION_WAIT_S = 5.0
 SPEED_M_S = 5.0
-"""In a saved plan; QGroundControl changes it."""
+"""Speed in a saved plan; QGroundControl can change it."""
 Flag = Annotated[bool, Parameter(negative="")]
 Places = tuple[tuple[float, float], ...]
 
@@ -121,7 +121,7 @@ def fly(
         You know that the drone does not see the sticks of any remote control.
     save
         Of a survey: write it as a .plan for QGroundControl instead, which a pilot uploads and
-        starts; nothing is asked of a drone. Of a fence: likewise.
+        starts; no drone is needed. Also writes the fence to a file.
     upload
         Of a survey: give it to the autopilot as its mission, in place of the one that it holds,
         and read it back. Nothing starts it but a pilot, and it is not given to a vehicle that
@@ -216,7 +216,7 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
 
 
 def _keep_out(area: Path | None, keep_out: Path | None) -> tuple[KeepOut, ...]:
-    """What is marked in the area's file, and all of the other."""
+    """Areas marked "keep out" in the area's file, and all of the other file."""
     marked = () if area is None else keep_out_in(_text_of(area), str(area))
     if keep_out is None:
         return marked
@@ -224,7 +224,6 @@ def _keep_out(area: Path | None, keep_out: Path | None) -> tuple[KeepOut, ...]:
 
 
 def _numbers(text: str | None) -> tuple[int, ...]:
-    """Read numbers of tags, separated by commas."""
     try:
         return () if text is None else tuple(map(int, text.replace(",", " ").split()))
     except ValueError:
@@ -234,7 +233,7 @@ def _numbers(text: str | None) -> tuple[int, ...]:
 
 
 def _check_search(action: str, request: MotionRequest) -> None:
-    """Refuse what belongs to a search alone, and a search without one area."""
+    """Reject options of a search without one, and a search without exactly one area."""
     if action != "search":
         if request.tags or request.radius_m is not None:
             raise ConfigError(
@@ -248,7 +247,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
 
 
 def _survey(request: MotionRequest | None, use: str) -> Order:
-    """Take a survey that is to be a mission; other motions are none."""
+    """Survey for a mission; other motions are rejected."""
     if request is None or request.action != "survey":
         raise ConfigError(
             f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
@@ -264,7 +263,6 @@ def _check_plan_name(path: Path | None, what: str) -> None:
 
 
 def _save(path: Path, request: MotionRequest | None) -> None:
-    """Write a survey to a file."""
     order = _survey(request, "saved, as a .plan")
     _check_plan_name(path, "survey")
     _write(path, survey_file(order, SPEED_M_S))
@@ -273,7 +271,7 @@ def _save(path: Path, request: MotionRequest | None) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a file; one that is there is not overwritten."""
+    """Write a new file; existing files are not overwritten."""
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -286,7 +284,7 @@ def _write(path: Path, text: str) -> None:
 async def _upload(
     address: str, keys: LinkKeys, order: Order, limits: Limits, *, json_lines: bool
 ) -> int:
-    """Give a survey to the autopilot as its mission."""
+    """Upload a survey to the autopilot as its mission."""
     survey_items(order, limits)
     async with _connected(address, keys) as link:
         done = await link.missions.upload_survey(order, limits)
@@ -316,7 +314,7 @@ async def _fence(address: str, keys: LinkKeys, save: Path | None, *, json_lines:
 
 @asynccontextmanager
 async def _connected(address: str, keys: LinkKeys) -> AsyncIterator[GroundLink]:
-    """A link on which the autopilot is heard."""
+    """A link on which the autopilot is received."""
     link = _link(keys, lambda event: None)
     serve = asyncio.create_task(link.run(address))
     wait = asyncio.create_task(link.missions.wait(DRONE_WAIT_S))
@@ -364,7 +362,7 @@ def _text_of(path: Path) -> str:
 
 
 def forget_typed_ahead() -> None:
-    """Confirm nothing by a line that was typed or pasted before the offer was shown."""
+    """Discard lines typed or pasted before the offer, so that they cannot confirm it."""
     with suppress(ImportError, OSError):
         import termios  # not on Windows
 
@@ -446,9 +444,9 @@ class _Terminal:
             return False
 
     async def _follow(self, link: GroundLink, order_id: int) -> int:
-        """Show how it goes until it has ended; 0 when it was flown to its end.
+        """Show progress until the motion ends; 0 when it was flown to its end.
 
-        What the drone told of an earlier order may still be on the way.
+        Reports about an earlier order may still arrive; they are ignored.
         """
         while True:
             state = asyncio.create_task(self._states.get())

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import Component, Port, Vehicles
-from uavrt.cli.near_codes import tell_near_codes
+from uavrt.cli.near_codes import warn_of_near_codes
 from uavrt.cli.screen import has_screen
 from uavrt.cli.terminal_lines import TerminalLines
 from uavrt.commands import SystemState
@@ -29,10 +29,11 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 LOOPBACK = "127.0.0.1"
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 LAST_THREADS_S = 1.5
-"""How long threads that still work are waited for when everything else has ended."""
+"""Time to wait for working threads after all else has ended [s]."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
 ACCESS_POINT = "UAVRT_ACCESS_POINT"
-"""How a phone joins the Wi-Fi of this computer, as in its QR code."""
+"""Environment variable with the text of this computer's Wi-Fi QR code, by which a phone
+joins."""
 
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -150,7 +151,7 @@ def ground(
             lines(line)
 
     tag_list = read_tags(tags) if tags is not None else None
-    tell_near_codes(tag_list or ())
+    warn_of_near_codes(tag_list or ())
     if not page and (headless or json_lines or start or tags is not None):
         _refuse_unused(
             vehicle=bool(vehicle),
@@ -202,7 +203,7 @@ def ground(
 
 
 def _run(make: Callable[[], Station], lines: TerminalLines) -> None:
-    """Serve a station until it ends or is stopped."""
+    """Run a station until it ends or is stopped."""
     ended = threading.Event()
     try:
         asyncio.run(_serve(make, ended, lines))
@@ -213,7 +214,7 @@ def _run(make: Callable[[], Station], lines: TerminalLines) -> None:
 
 
 def _let_out(lines: TerminalLines) -> None:
-    """Print the last lines; end at once where the terminal takes none."""
+    """Print the last lines; end at once where the terminal accepts none."""
     if not lines.close():
         os._exit(0 if sys.exc_info()[0] is None else 1)
 
@@ -234,7 +235,7 @@ async def _serve(
 
 
 def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None:
-    """End the program when the event loop, which waits for its threads, does not."""
+    """End the program if the event loop keeps waiting for its threads."""
     if ended.wait(LAST_THREADS_S):
         return
     lines.close()
@@ -265,7 +266,7 @@ def _ground_extra() -> Any:
 
 
 def _opening(show: Any) -> Any:
-    """Open a browser when the page is there and this computer has a screen."""
+    """Open a browser when the page is ready and this computer has a screen."""
 
     def show_and_open(event: dict[str, Any]) -> None:
         show(event)
@@ -276,7 +277,7 @@ def _opening(show: Any) -> Any:
 
 
 def _text_of(event: dict[str, Any]) -> str | None:
-    """What a person reads of an event; None for one that is not told."""
+    """Text of an event for a person; None for an event that is not shown."""
     match event:
         case {"event": "page", "address": address}:
             return f"The page is at {address} – Ctrl-C ends"
@@ -316,7 +317,7 @@ def _text_of(event: dict[str, Any]) -> str | None:
 
 
 def _refuse_unused(**given: bool) -> None:
-    """Refuse options that only the page obeys, where there is none.
+    """Reject options that need a page, where there is none.
 
     Raises `ConfigError`: some were given.
     """

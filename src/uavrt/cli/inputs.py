@@ -1,4 +1,4 @@
-"""Inputs and options that a command refuses, and the time of a first sample."""
+"""Checks of inputs and options, and the time of a first sample."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ _HEAD_BYTES = 65_536
 
 
 def require_content(paths: Sequence[Path]) -> None:
-    """Refuse files that are all empty, before they are taken for flights without pulses.
+    """Reject a set of empty files, which would look like flights without pulses.
 
     Raises `UsageError`: there is nothing in any of them.
     """
@@ -22,7 +22,7 @@ def require_content(paths: Sequence[Path]) -> None:
 
 
 def refuse(given: dict[str, bool], why: str) -> None:
-    """Refuse options that would be ignored; raises `ConfigError`."""
+    """Reject options that would be ignored; raises `ConfigError`."""
     for option, wrong in given.items():
         if wrong:
             raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")

@@ -5,7 +5,7 @@ from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
 from uavrt.cli.inputs import start_time_ns
-from uavrt.cli.near_codes import tell_near_codes
+from uavrt.cli.near_codes import warn_of_near_codes
 from uavrt.cli.progress import progress_bar, progress_bars
 from uavrt.cli.outputs import make_directory, print_json
 import uavrt.cli.one_thread  # noqa: F401  before numpy
@@ -69,7 +69,7 @@ def integrate(
     ----------
     flight
         The flight directory: its poses, and its tags unless --tags names others. Without one,
-        --recording, --track and --tags tell of a flight that another program recorded.
+        --recording, --track and --tags describe a flight that another program recorded.
     others
         Further flights of the same tags: what is too weak in each is found in all together.
     recording
@@ -115,14 +115,14 @@ def integrate(
         Of several flights: the tag may be elsewhere in each. By default it rests.
     tag_power
         Power that the tags radiate [dBm], antenna and animal included; collars: -30 to -10.
-        Where a tag is not found, the map of where one of that power would have been, as of
-        uavrt coverage, tells where it is not.
+        For tags that are not found, the map of uavrt coverage for that power shows where they
+        are not.
     plot
         Directory for a picture of each tag: the flight folded at the interval found; and for
         the maps of where tags are not. Needs the extra uavrt[analysis].
     save
-        Write what was found beside the flight (integrated/), for report and export, where its
-        pulses are marked, and the maps of where tags are not; the flight's own log is never
+        Write the results into the flight's folder (integrated/) for report and export, which
+        mark these pulses, and the maps of where tags are not; the flight's own log is never
         changed.
     as_json
         Print a list of objects, with the times of all pulses.
@@ -141,7 +141,7 @@ def integrate(
             "--moves is of several flights", remedy="Name further flights, or leave it out"
         )
     listed = read_tag_source(tags).tags if tags else None
-    tell_near_codes(listed or (), frequency_window)
+    warn_of_near_codes(listed or (), frequency_window)
     opened: dict[str, Any] = {
         "format_name": format,
         "sample_rate_hz": sample_rate,
@@ -178,14 +178,14 @@ def integrate(
         save=save and track is None,
     )
     if others:
-        found, told = _together(asked, flown, listed, tag)
+        found, results = _together(asked, flown, listed, tag)
     else:
         wanted = _wanted(listed or flown[0].info.tags, tag)
-        found, told = _one_flight(asked, flown[0], wanted)
+        found, results = _one_flight(asked, flown[0], wanted)
     if as_json:
-        print_json([one for one, _ in told], indent=2)
+        print_json([one for one, _ in results], indent=2)
     else:
-        for _, text in told:
+        for _, text in results:
             print(text)
     if not found:
         sys.exit(1)
@@ -198,7 +198,7 @@ def _flights(
     clock_offset: float | None,
     yaw_offset: float,
 ) -> "list[Flight]":
-    """Read the flights that are named."""
+    """Read the named flights."""
     from uavrt.recording.flight_reader import read_flight
 
     if first is None:
@@ -231,7 +231,7 @@ def _tracked(
     clock_offset: float | None,
     yaw_offset: float,
 ) -> "tuple[list[Flight], tuple[str, ...]]":
-    """Make a flight of a track; and what it does not tell."""
+    """Make a flight of a track; also returns remarks on missing data."""
     from uavrt.analysis.tracks.flown import flight_of_track
     from uavrt.analysis.tracks.recognised import read_track
 
@@ -255,11 +255,11 @@ def _tracked(
 
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
-    """Name of the pattern: the one asked for, else that of all these flights.
+    """Name of the pattern: the requested one, else that of all these flights.
 
-    And whether it is assumed, as nobody told.
+    The second value is True if it is assumed.
     """
-    from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
+    from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
     if asked is not None:
@@ -270,18 +270,18 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
             f"the flights had different antennas: {', '.join(own)}",
             remedy="Judge those of one antenna together, or name one --antenna for all",
         )
-    return own[0], not all(map(antenna_is_told, flown))
+    return own[0], not all(map(antenna_is_recorded, flown))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """What the command line says."""
+    """Command-line arguments."""
 
     recording: Path | None
     opened: dict[str, Any]
-    """How a recording is to be read."""
+    """Options for opening a recording."""
     remarks: tuple[str, ...]
-    """What a track does not tell."""
+    """Remarks on data that a track does not contain."""
     how: "JudgeAs"
     moves: bool
     tag_power_dbm: float
@@ -289,12 +289,12 @@ class _Asked:
     save: bool
 
 
-_Told = list[tuple[dict[str, Any], str]]
-"""Of each tag JSON and words."""
+_Results = list[tuple[dict[str, Any], str]]
+"""JSON record and sentence of each tag."""
 
 
-def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[bool, _Told]:
-    """Judge one flight; whether any tag was found, and what is told."""
+def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[bool, _Results]:
+    """Judge one flight; returns if any tag was found, and the results."""
     from uavrt.cli.integrated_words import record, sentence
 
     with progress_bars() as add_bar:
@@ -306,23 +306,23 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
         results = _judged(asked, flight, wanted, how)
     silent = _silent(asked, flight, results)
     files = _keep(asked, flight, results, silent, asked.plot)
-    told = []
+    reported = []
     for one in results:
         own = silent.get(one.tag.tag_id)
-        told.append((record(one, _silence(own, files)), sentence(one, own)))
-    return any(one.found for one in results), told
+        reported.append((record(one, _silence(own, files)), sentence(one, own)))
+    return any(one.found for one in results), reported
 
 
 def _together(
     asked: _Asked, flights: "list[Flight]", listed: "Sequence[Tag] | None", ids: tuple[int, ...]
-) -> tuple[bool, _Told]:
-    """Judge several flights, tag by tag: the energies of all would not fit in memory."""
+) -> tuple[bool, _Results]:
+    """Judge several flights, tag by tag, since the energies of all would not fit in memory."""
     from uavrt.analysis.several_flights import common_tags, judge_together, share_alone
     from uavrt.cli.integrated_words import record_of_flights, sentence_of_flights
 
     shared = common_tags(flights, listed)
     wanted = _wanted(shared, ids)
-    found, told = False, []
+    found, reported = False, []
     with progress_bars() as add_bar:
         how = replace(
             asked.how,
@@ -355,29 +355,29 @@ def _together(
                 maps.append(silent.get(tag.tag_id))
                 records.append(_silence(maps[-1], files))
             found |= one.found
-            told.append((record_of_flights(one, records), sentence_of_flights(one, maps)))
-    return found, told
+            reported.append((record_of_flights(one, records), sentence_of_flights(one, maps)))
+    return found, reported
 
 
 def _judged(
     asked: _Asked, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
 ) -> "list[IntegratedTag]":
-    """Judge a flight by the samples that were named, or by its own."""
+    """Judge a flight by the named samples, or by its own."""
     from uavrt.analysis.kept_samples import integrate_kept
     from uavrt.analysis.whole_flight import integrate_flight
     from uavrt.radio.opening import open_recording
 
     path = asked.recording or _band_recording(Path(flight.info.directory), wanted)
     if path is None:
-        _check_told_by_channels(asked.opened)
+        _check_unused_options(asked.opened)
         return integrate_kept(flight, wanted, how)
     with closing(open_recording(path, **asked.opened)) as source:
         found = integrate_flight(flight, source, wanted, how)
     return [replace(one, limitations=(*one.limitations, *asked.remarks)) for one in found]
 
 
-def _check_told_by_channels(opened: dict[str, Any]) -> None:
-    """Refuse what kept channels tell themselves; raises `ConfigError`."""
+def _check_unused_options(opened: dict[str, Any]) -> None:
+    """Reject options that the kept channels determine; raises `ConfigError`."""
     options = {
         "format_name": "--format",
         "sample_rate_hz": "--sample-rate",
@@ -395,7 +395,7 @@ def _check_told_by_channels(opened: dict[str, Any]) -> None:
 def _silent(
     asked: _Asked, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """Map where tags that were not found are not, by tag; what hinders it is told."""
+    """Coverage maps of tags that were not found, by tag; problems are printed."""
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.silence import silent_maps
 
@@ -415,7 +415,7 @@ def _silent(
 
 
 def _silence(one: "SilentMap | None", files: dict[int, list[Path]]) -> "SilenceRecord | None":
-    """Sum up a map for JSON."""
+    """Summarise a map for JSON."""
     from uavrt.analysis.integrated_records import SilenceRecord
 
     return None if one is None else SilenceRecord.of(one, files.get(one.tag_id, []))
@@ -428,7 +428,9 @@ def _keep(
     silent: "dict[int, SilentMap]",
     plot: Path | None,
 ) -> dict[int, list[Path]]:
-    """Write what was found beside the flight, pictures and maps, as asked; the maps, by tag."""
+    """Write results into the flight's folder, pictures and maps, as requested; returns the
+    maps.
+    """
     from uavrt.analysis.coverage_files import write_silence
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.hindsight import save_integrated
@@ -441,7 +443,7 @@ def _keep(
             with suppress(UsageError):  # without matplotlib there are no pictures
                 write_fold_pictures(directory, results)
             files = write_silence(directory, flight, silent, ids)
-        except (RecordingError, FormatError) as error:  # what was found is told all the same
+        except (RecordingError, FormatError) as error:  # results are printed anyway
             print(f"uavrt: not saved: {error}", file=sys.stderr)
     if plot is not None:
         drawn = write_fold_pictures(plot, results)
@@ -453,7 +455,7 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Pick the tags that are asked for.
+    """Select the requested tags.
 
     Raises `ConfigError`: one is not listed, or none is.
     """
@@ -469,7 +471,7 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
-    """Find what a flight recorded of the band; None when the channels that it kept will do.
+    """Find a flight's recording of the band; None when its kept channels suffice.
 
     Raises `ConfigError`: it kept no samples, or several recordings.
     """

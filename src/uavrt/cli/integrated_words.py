@@ -1,4 +1,4 @@
-"""What ``uavrt integrate`` says, in words and as JSON."""
+"""Results of ``uavrt integrate``, in words and as JSON."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
-    """Say in words what the flight says of a tag, and of where it is not."""
+    """Sentence on a flight's result for a tag, and where the tag is not."""
     from uavrt.analysis.whole_flight import chance_in_words
 
     chance = chance_in_words(one.train.false_alarm_probability)
@@ -43,7 +43,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
 
 
 def slots_in_words(one: "IntegratedTag") -> str:
-    """Say how many slots a train has, and of how many more can be said."""
+    """Sentence on the number of slots in a train, and how many are significant."""
     from uavrt.analysis.hindsight import slots_of
 
     slots = slots_of(one)
@@ -69,18 +69,18 @@ def _antenna(one: "IntegratedTag") -> str:
 
 
 def _other(other: "OtherTrain") -> str:
-    """Say what else is on a tag's frequency."""
-    told = f"another train on its frequency, every {other.interval_s:.4f} s"
+    """Sentence on another train on a tag's frequency."""
+    text = f"another train on its frequency, every {other.interval_s:.4f} s"
     if other.other_code:
         return f"bursts of another code on its frequency, every {other.interval_s:.4f} s"
     if other.ratio is None:
-        return told
+        return text
     above, below = other.ratio
-    return f"{told}: {above}/{below} of its interval, times alone cannot distinguish them"
+    return f"{text}: {above}/{below} of its interval, times alone cannot distinguish them"
 
 
 def _silence(silent: "SilentMap") -> list[str]:
-    """Say where a tag is not, and what the map does not hold for."""
+    """Sentence on where a tag is not, with the map's limitations."""
     from uavrt.analysis.silence import around_in_words
 
     found = silent.coverage
@@ -93,14 +93,14 @@ def _silence(silent: "SilentMap") -> list[str]:
 
 
 def record(one: "IntegratedTag", silence: "SilenceRecord | None" = None) -> dict[str, Any]:
-    """Make JSON of what a flight says of a tag."""
+    """JSON record of a flight's result for a tag."""
     from uavrt.analysis.integrated_records import integrated_record
 
     return asdict(integrated_record(one, silence))
 
 
 def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]") -> str:
-    """Say in words what several flights say of a tag."""
+    """Sentence on the result of several flights for a tag."""
     from uavrt.analysis.whole_flight import chance_in_words
 
     count = len(one.flights)
@@ -116,8 +116,8 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
     for alone, flight, name, own in zip(one.alone, one.flights, one.names, silent, strict=True):
         by_itself = f"by itself: {chance_in_words(alone)}"
         if not flight.found:
-            told = "; single pulses are too weak to list" if one.found else ""
-            lines.append(f"{name}: {by_itself}{told}")
+            remark = "; single pulses are too weak to list" if one.found else ""
+            lines.append(f"{name}: {by_itself}{remark}")
             lines += [] if own is None else [f"  {text}" for text in _silence(own)]
             continue
         lines.append(
@@ -134,9 +134,9 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
 def record_of_flights(
     one: "TagOfFlights", silences: "Sequence[SilenceRecord | None]"
 ) -> dict[str, Any]:
-    """Make JSON of what several flights say of a tag.
+    """JSON record of several flights' result for a tag.
 
-    Interval and frequency are of the flight that shows it most clearly; pulses are of all.
+    Interval and frequency are of the flight with the strongest evidence; pulses are of all.
     """
     from uavrt.analysis.integrated_records import PlaceRecord
 

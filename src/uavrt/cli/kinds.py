@@ -1,7 +1,7 @@
-"""Kinds of values that several commands take, each with the numbers that make sense.
+"""Value types of command-line options, with their limits.
 
-Every number on the command line is of one of these kinds: "not a number" and infinity pass the
-comparisons of most validators, and then do harm far from where they were typed.
+Each number on the command line has one of these types: "not a number" and infinity pass the
+comparisons of most validators, and would fail far from the command line.
 """
 
 import math
@@ -26,7 +26,7 @@ class Between:
     unit: str = ""
 
     def __call__(self, _kind: Any, value: Any) -> None:
-        """Raise ValueError that names the limits if `value`, or one of it, is outside."""
+        """Raise ValueError with the limits if `value`, or one of several, is outside."""
         for one in value if isinstance(value, list | tuple) else (value,):
             if one is None:
                 continue
@@ -39,7 +39,6 @@ class Between:
                 raise ValueError(f"It must be {self}.")
 
     def __str__(self) -> str:
-        """Write the limits in words, such as "a number above 0 s"."""
         unit = f" {self.unit}" if self.unit else ""
         limits = []
         if self.least is not None:
@@ -52,35 +51,35 @@ class Between:
 
 
 Port = Annotated[int, Parameter(validator=Between(least=0, most=65_535))]
-"""Of TCP or UDP; 0 takes any free one."""
+"""TCP or UDP port; 0 takes any free one."""
 Component = Annotated[int, Parameter(validator=Between(least=1, most=255))]
-"""Of a MAVLink system."""
+"""Component number of a MAVLink system."""
 Vehicles = tuple[Annotated[int, Parameter(validator=Between(least=1, most=255))], ...]
 """Numbers of MAVLink systems."""
 Seed = Annotated[int, Parameter(validator=Between(least=0))]
-"""Of a random generator."""
+"""Seed of a random generator."""
 Count = Annotated[int, Parameter(validator=Between(least=1))]
-"""How many, at least one."""
+"""A number of things, at least one."""
 Counts = tuple[Count, ...]
 """Several of them."""
 GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
-"""K, as tag files have it: of longer groups the detector's thresholds are not known."""
+"""K, as in tag files: the detector's thresholds for longer groups are unknown."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
-"""How many, perhaps none."""
+"""A number of things, possibly zero."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 """A duration."""
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""A difference of two clocks: at most thirty years: those never set begin in 1970."""
+"""Difference of two clocks, at most thirty years, since unset clocks begin in 1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 """A duration."""
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 """A rate, a width or a carrier frequency."""
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
-"""Of a tag, as tag files have it: megahertz typed for hertz are refused."""
+"""Tag frequency, as in tag files: megahertz typed for hertz are rejected."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
-"""Of a tag, as tag files have it: milliseconds typed for seconds are refused."""
+"""Pulse width of a tag, as in tag files: milliseconds typed for seconds are rejected."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
-"""Between pulses of a tag, as tag files have it."""
+"""Interval between pulses of a tag, as in tag files."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
 """A carrier frequency, or 0 for samples of which only the offset matters."""
 Degrees = Annotated[float, Parameter(validator=Between(least=-360, most=360, unit="degrees"))]
@@ -94,19 +93,19 @@ Heights = tuple[
 ]
 """Heights over the ground."""
 Side = Annotated[float, Parameter(validator=Between(least=0.5, most=1000, unit="m"))]
-"""Of a square of a map."""
+"""Side of a map's square."""
 Reach = Annotated[float, Parameter(validator=Between(least=0, most=100_000, unit="m"))]
-"""A distance over the ground, perhaps none."""
+"""Distance over ground, possibly zero."""
 Speed = Annotated[float, Parameter(validator=Between(above=0, most=100, unit="m/s"))]
-"""Of a drone."""
+"""Speed of a drone."""
 Power = Annotated[float, Parameter(validator=Between(least=-100, most=40, unit="dBm"))]
-"""That a tag radiates."""
+"""Power radiated by a tag."""
 DecibelsOfError = Annotated[float, Parameter(validator=Between(least=0, most=40, unit="dB"))]
 """A standard deviation of a level."""
 Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, unit="dB"))]
 """A gain, a loss or a level."""
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
-"""Noise over the thermal noise: never less than none."""
+"""Noise over the thermal noise, not negative."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
 """A standard deviation of a height."""
 Factor = Annotated[float, Parameter(validator=Between(above=0))]
@@ -114,4 +113,4 @@ Factor = Annotated[float, Parameter(validator=Between(above=0))]
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
 """Ids of tags; the tunnel has four bytes for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]
-"""Of a whole."""
+"""Share of a whole, 0 to 1."""

@@ -1,4 +1,6 @@
-"""Who else hears of a detection than the file of pulses: plots, and the original's programs."""
+"""Receivers of a detection's results in addition to the pulse file: plots, the original's
+programs.
+"""
 
 import os
 import re
@@ -20,19 +22,19 @@ HEARTBEAT_S = 1.0
 
 
 class Listener:
-    """Hears of everything; does nothing with it."""
+    """Interface with empty methods."""
 
     def channel(self, block: ChannelBlock) -> None:
-        """Hear of a channel's samples."""
+        """Receive a channel's samples."""
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Hear of pulses."""
+        """Receive pulses."""
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Hear of searches in vain; at least twice a second."""
+        """Receive reports of searches without a pulse; at least twice a second."""
 
     def finish(self) -> None:
-        """Hear that it has ended, maybe with a fault of the source."""
+        """Receive the end, maybe with a fault of the source."""
 
 
 class PulseDatagrams(Listener):
@@ -43,11 +45,11 @@ class PulseDatagrams(Listener):
         self._sender = PulseDatagramSender(host, port, [tag.tag_id for tag in tags])
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Send them."""
+        """Send pulses."""
         self._sender.send_pulses(pulses)
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Send them, and a heartbeat when it is time."""
+        """Send heartbeats from reports."""
         self._sender.send_reports(reports)
         self._sender.heartbeat(monotonic_s())
 
@@ -57,7 +59,7 @@ class PulseDatagrams(Listener):
 
 
 def remote_node_name() -> str:
-    """Name this detector as no other on the network: ``Detector_fieldlaptop_4711``."""
+    """Unique name of this detector on the network: ``Detector_fieldlaptop_4711``."""
     host = re.sub(r"[^A-Za-z0-9]+", "_", socket.gethostname()).strip("_")
     return f"Detector_{host[:60]}_{os.getpid()}"
 
@@ -66,8 +68,8 @@ class RosPulses(Listener):
     """Publishes pulses on ROS 2, as the node of a detector.
 
     `interfaces`: network interfaces with commas; ``lo``: this computer only.
-    `tags`: for each a sign of life once a second while samples come.
-    `namespace`: that of the drone that takes the pulses.
+    `tags`: each gets a heartbeat once a second while samples arrive.
+    `namespace`: that of the drone that accepts the pulses.
     """
 
     def __init__(self, interfaces: str, tags: Sequence[Tag], namespace: str = "") -> None:
@@ -88,12 +90,12 @@ class RosPulses(Listener):
         self._next_beat_s = 0.0
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Publish them."""
+        """Publish pulses."""
         for pulse in pulses:
             self._participant.publish("pulse", pulse_to_ros(pulse, ""))
 
     def reports(self, reports: Sequence[SearchReport]) -> None:
-        """Publish a sign of life when it is time."""
+        """Publish a heartbeat when it is due."""
         if monotonic_s() >= self._next_beat_s:
             self._next_beat_s = monotonic_s() + HEARTBEAT_S
             for tag in self._tags:
@@ -118,14 +120,14 @@ class Plots(Listener):
         )
 
     def channel(self, block: ChannelBlock) -> None:
-        """Add to the waterfalls."""
+        """Add samples to the waterfalls."""
         self._plots.add_block(block)
 
     def pulses(self, pulses: Sequence[Pulse]) -> None:
-        """Remember them."""
+        """Store pulses."""
         self._plots.add_pulses(pulses)
 
     def finish(self) -> None:
-        """Draw."""
+        """Draw the pictures."""
         for path in self._plots.write():
             print(path, file=sys.stderr)

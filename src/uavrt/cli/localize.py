@@ -1,4 +1,4 @@
-"""``uavrt localize``: where the tags of a flight are."""
+"""``uavrt localize``: positions of a flight's tags."""
 
 import sys
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from uavrt.localization.flight_estimates import TagPosition
     from uavrt.localization.results import Position
 
-_TIMES_TOLD = 12
-"""Of a way, in words; --json has all."""
+_MOST_POINTS = 12
+"""Most points of a path in text; --json has all."""
 
 
 def localize(
@@ -77,14 +77,14 @@ def localize(
 
 
 def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
-    """Numbers that stand for more than one tag."""
+    """Numbers that are used for more than one tag."""
     known = {(one.tag_id, one.frequency_hz) for one in found}
     numbers = [tag_id for tag_id, _ in known]
     return frozenset(one for one in numbers if numbers.count(one) > 1)
 
 
 def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
-    """What is known of a tag; with its frequency where its number stands for several."""
+    """Sentence on a tag; with its frequency where its number is used for several."""
     from uavrt.analysis.measure.shapes import remarks_of
 
     found = one.position
@@ -108,8 +108,8 @@ def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
 
 
 def _way(found: "Position") -> list[str]:
-    """Where a moving tag was, at some times of its way."""
-    step = max(1, -(-len(found.track) // _TIMES_TOLD))
+    """Sentence with some points of a moving tag's path."""
+    step = max(1, -(-len(found.track) // _MOST_POINTS))
     return [
         f"{told_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "
         f"within {one.radius50_m:.0f} m (50 %), {one.radius95_m:.0f} m (95 %)"

@@ -1,4 +1,4 @@
-"""Say of a tag list which of its codes are hard to tell apart, wherever one is given."""
+"""Warning about codes of a tag list that are hard to distinguish."""
 
 import sys
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from uavrt.messages import Tag
 
 
-def tell_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
+def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
     """Warn of each pair of codes; the half-width of the search is by default the usual one."""
     if not any(tag.coded for tag in tags):
         return

@@ -1,4 +1,6 @@
-"""Imported before numpy: its linear algebra shall use one thread, and the vectors there are."""
+"""Import before numpy: limits its linear algebra to one thread, and selects its vector
+instructions.
+"""
 
 import os
 

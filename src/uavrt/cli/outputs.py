@@ -1,4 +1,4 @@
-"""Outputs of commands: JSON, and files that must not destroy what they are made from."""
+"""Outputs of commands: JSON, and checks that protect input files."""
 
 import os
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ from uavrt.errors import ConfigError
 
 
 def print_json(value: object, *, indent: int = 0) -> None:
-    """Print a value as JSON: what is not a number becomes null (RFC 8259, section 6).
+    """Print a value as JSON; numbers that are not finite become null (RFC 8259, section 6).
 
     `value`: plain values, dates, dataclasses and lists of them.
     `indent`: spaces of each level; 0 prints one line.
@@ -19,12 +19,12 @@ def print_json(value: object, *, indent: int = 0) -> None:
 
 
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
-    """Refuse an output that is one of the inputs, before it is opened and thereby emptied.
+    """Reject an output that is one of the inputs, before it is opened and thereby emptied.
 
-    Of a SigMF recording one file is named and the other is meant as well.
+    For a SigMF recording both files count when one is named.
 
     `output`: file to be written; it need not exist.
-    `inputs`: files that are read; None and what is no file are passed over.
+    `inputs`: files that are read; None and other values are skipped.
     Raises `ConfigError`: it is one of them, by whatever name.
     """
     target = Path(output)
@@ -40,11 +40,11 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
 
 
 def check_place(output: Path, *, overwrite: bool = False) -> None:
-    """Refuse a place where a file cannot be written, before the work that fills it.
+    """Reject a path where a file cannot be written, before the work that fills it.
 
     `output`: the file to be written.
     `overwrite`: it may exist already.
-    Raises `ConfigError`: the text says why not.
+    Raises `ConfigError`: the text gives the reason.
     """
     if output.is_dir():
         raise ConfigError(f"{output} is a directory", remedy="Name a file in it")
@@ -61,7 +61,7 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 def make_directory(path: Path, option: str) -> None:
     """Make a directory to write into, before the work that fills it.
 
-    Raises `ConfigError`: it cannot be made, or not written; `option` is what it was named by.
+    Raises `ConfigError`: it cannot be made or written; `option` is its option's name.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

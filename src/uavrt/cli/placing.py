@@ -53,7 +53,7 @@ class Placing:
     sea: Annotated[bool, Parameter(negative="")] = False
 
     def read_as(self, method: str = "bayes") -> "ReadAs":
-        """Options for the estimator; opens the elevation files."""
+        """Settings for the estimator; opens the elevation files."""
         from uavrt.analysis.measure.antenna_files import antenna_named
         from uavrt.localization.flight_estimates import ReadAs
 

@@ -7,14 +7,14 @@ from typing import Protocol
 
 
 class Advance(Protocol):
-    """Show how far a piece of work is."""
+    """Updates the progress of a task."""
 
     def __call__(self, done: float, total: float | None = None, /) -> None:
-        """Set what is done, and how much there is if that is known only now."""
+        """Set the amount done, and the total if it is known only now."""
 
 
 class AddBar(Protocol):
-    """Add a bar for a piece of work."""
+    """Adds a progress bar."""
 
     def __call__(self, what: str, total: float | None = None, /) -> Advance:
         """Add a bar named `what`; `total` may follow."""
@@ -22,7 +22,7 @@ class AddBar(Protocol):
 
 @contextmanager
 def progress_bars() -> Iterator[AddBar]:
-    """Show bars that vanish at the end; nothing where the error output is no terminal."""
+    """Show bars that vanish at the end; none where the error output is no terminal."""
     if not sys.stderr.isatty():
         yield lambda _what, _total=None: lambda _done, _total=None: None
         return

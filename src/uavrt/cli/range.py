@@ -20,7 +20,7 @@ PROBABILITIES = (0.5, 0.9)
 _PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S = (3, 10, 20, 40), 150e6, 0.020
 _ANTENNA, _FLIGHT_PULSES = "RA-23K", 400
 _TURN_DEG_S = 6.0
-"""Of a drone that turns on the spot, when a whole flight is judged."""
+"""Turn rate of a drone on the spot, for the whole-flight judgement [deg/s]."""
 
 
 def range(
@@ -163,7 +163,7 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
 
 
 def _noise(flight: Path) -> dict[str, Any]:
-    """What a past flight tells of the drone's noise."""
+    """Noise rise of a past flight."""
     from uavrt.analysis.flight_noise import flight_noise_of
 
     found = flight_noise_of(flight)
@@ -181,7 +181,7 @@ def _median_db(noise: list[dict[str, Any]]) -> float:
 
 
 def _reach(needed: tuple[float, float], budget: "LinkBudget") -> dict[str, Any]:
-    """How far, for the ENR that Pd .5 and .9 need."""
+    """Range for the ENR that Pd .5 and .9 need."""
     distances = [budget.distance_m(enr) for enr in needed]
     return {
         "enr50_db": round(needed[0], 2),

@@ -1,4 +1,4 @@
-"""Names in help texts from the registries: ``{antennas}`` in a docstring becomes their list."""
+"""Names from the registries in help texts: ``{antennas}`` in a docstring becomes their list."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -40,9 +40,9 @@ _LISTS: dict[str, Callable[[], list[str]]] = {
 
 
 def fill_help(command: str) -> None:
-    """Put the registries' names into the help of a command, and of its records of options.
+    """Put the registries' names into the help of a command, and of its option records.
 
-    Only when help is shown: it imports what the command itself may not need.
+    Only when help is shown, since it imports modules that the command may not need.
     """
     module = import_module(f"uavrt.cli.{command}")
     named: list[Any] = [getattr(module, command), getattr(module, "Placing", None)]

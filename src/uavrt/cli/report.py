@@ -1,4 +1,4 @@
-"""``uavrt report``: what a flight found, to read, print and pass on."""
+"""``uavrt report``: results of a flight to read, print and share."""
 
 import sys
 from dataclasses import replace
@@ -41,14 +41,14 @@ def report(
         been heard. Takes seconds to a minute for each.
     background
         A map file (MBTiles or PMTiles of pictures) to lie under the flight; by default the
-        finest that covers it in the folder maps beside the flight, where the ground station
-        keeps what the page has brought. Nothing is fetched.
+        finest that covers it in the folder maps next to the flight, where the ground station
+        keeps the page's maps. Nothing is downloaded.
     html
         Write report.html.
     pdf
         Write report.pdf.
     output
-        Directory to write into; by default the flight directory, or beside the log.
+        Directory to write into; by default the flight directory, or the log's folder.
     """
     if output is not None and output.suffix in (".pdf", ".html") and not output.is_dir():
         raise UsageError(
@@ -64,8 +64,8 @@ def report(
 
     how = place.read_as()
     survey = read_survey(flight, how)
-    beside = flight.absolute().parent / "maps"
-    maps = maps_in(beside) if background is None else (_named_map(background),)
+    map_folder = flight.absolute().parent / "maps"
+    maps = maps_in(map_folder) if background is None else (_named_map(background),)
     survey = replace(survey, maps=maps)
     if tag_power is not None:
         named = None if how.antenna is None else survey.antenna
@@ -92,7 +92,7 @@ def _silences(
     elevation: "Elevation | None",
     antenna: str | None,
 ) -> "tuple[SilentMap, ...]":
-    """Map where each listed tag would have been heard; shows how far it is."""
+    """Map where each listed tag would have been heard, with a progress bar."""
     from uavrt.analysis.silence import silent_map
     from uavrt.recording.flight_reader import read_flight
     from uavrt.recording.layout import FlightLayout

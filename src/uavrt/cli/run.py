@@ -11,7 +11,7 @@ import msgspec
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import Port
-from uavrt.cli.near_codes import tell_near_codes
+from uavrt.cli.near_codes import warn_of_near_codes
 from uavrt.cli.run_ground import run_both, with_local_link
 from uavrt.config.loader import load_settings
 from uavrt.config.settings import MavlinkSettings, Settings
@@ -79,7 +79,7 @@ def run(
     arguments = [msgspec.json.encode(settings).decode()]
     if tags is not None:
         listed = read_tags(tags)
-        tell_near_codes(listed)
+        warn_of_near_codes(listed)
         arguments.append(msgspec.json.encode(listed).decode())
     sys.stdout.flush()
     command = [sys.executable, "-P", "-m", "uavrt.supervisor", *arguments]
@@ -95,7 +95,7 @@ def run(
 
 
 def without_autopilot(settings: Settings) -> Settings:
-    """Leave the autopilot out where the pose comes from elsewhere.
+    """Leave the autopilot out where the pose comes from another source.
 
     Raises `ConfigError`: an autopilot is named, too; or a setting of that pose is missing.
     """
@@ -113,7 +113,7 @@ def without_autopilot(settings: Settings) -> Settings:
 
 
 def check_link(settings: Settings) -> None:
-    """Raise `ConfigError` for what the connection could not begin with."""
+    """Raise `ConfigError` for settings with which the connection could not start."""
     mavlink = settings.mavlink
     if mavlink.address:
         parse_address(mavlink.address)

@@ -1,4 +1,4 @@
-"""``uavrt run --ground``: drone side and page on the same computer, with its own screen."""
+"""``uavrt run --ground``: drone side and page on one computer, for its own screen."""
 
 import signal
 import socket
@@ -12,12 +12,12 @@ from uavrt.errors import ConfigError
 
 GROUND_STOP_S = 20.0
 OWN_COMPONENT = 192
-"""MAV_COMP_ID_ONBOARD_COMPUTER2. With the usual 190 the drone side would take this page and a
-ground station at the radio for one and the same, and speak to this one only."""
+"""MAV_COMP_ID_ONBOARD_COMPUTER2. With the usual 190 the drone side could not distinguish this
+page from a ground station at the radio, and would answer this one only."""
 
 
 def with_local_link(settings: Settings) -> tuple[Settings, str]:
-    """Give the drone side a link over the loopback; and the address that its page opens."""
+    """Give the drone side a link over the loopback; also returns the page's address for it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

@@ -1,4 +1,4 @@
-"""``uavrt season``: a folder of flights in numbers."""
+"""``uavrt season``: statistics of a folder of flights."""
 
 import sys
 from dataclasses import asdict, fields
@@ -79,8 +79,8 @@ def _show(found: "Season") -> None:
     ]
     if found.batteries and found.flights_without_battery:
         count = found.flights_without_battery
-        tell = "flights have no battery data"
-        lines.append("1 flight without battery data" if count == 1 else f"{count} {tell}")
+        text = "flights have no battery data"
+        lines.append("1 flight without battery data" if count == 1 else f"{count} {text}")
     if found.copies:
         copies = "copy of a flight" if found.copies == 1 else "copies of flights"
         lines.append(f"{found.copies} second {copies} left out")

@@ -25,7 +25,7 @@ service = App(
 
 ROOT = Path("/")
 SERVICE_USER = "uavrt"
-"""Made by deploy/install.sh; it owns the flights and nothing else."""
+"""Created by deploy/install.sh; it owns the flights and nothing else."""
 
 
 @service.command(help_epilogue=examples("service install"))
@@ -93,7 +93,7 @@ def remove(*, root: Path = ROOT) -> None:
 
 
 def _usual_user() -> str:
-    """Choose the user that was made for the service, else the one who called sudo."""
+    """User created for the service, else the one who called sudo."""
     with suppress(KeyError):
         return pwd.getpwnam(SERVICE_USER).pw_name
     user = os.environ.get("SUDO_USER") or getpass.getuser()
@@ -107,7 +107,7 @@ def _usual_user() -> str:
 
 
 def _writable(root: Path, directory: Path, config: Path | None) -> tuple[Path, ...]:
-    """Get what the settings name for writing outside of the service's directory."""
+    """Paths in the settings that must be writable outside of the service's directory."""
     path = root / (config or directory / "uavrt.toml").relative_to("/")
     if not path.exists():
         return ()

@@ -46,7 +46,7 @@ def check(
     ----------
     file
         A TagInfo.txt, tags.toml, the original's detectorConfig.txt, or TagTracker's TagInfo.db
-        with its TagManufacturer.db beside it.
+        with its TagManufacturer.db in the same folder.
     config
         The drone's settings: sample rate, radio frequency and search window.
     """
@@ -56,7 +56,7 @@ def check(
     found = _read(file).tags
     for tag in found:
         print(_sentence(tag))
-    _tell_unselected(file)
+    _warn_of_unselected(file)
     if found:
         settings = settings_from(config)
         radio, detection = settings.radio, settings.detection
@@ -89,7 +89,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     ----------
     source
         A TagInfo.txt, tags.toml, the original's detectorConfig.txt, or TagTracker's TagInfo.db
-        with its TagManufacturer.db beside it.
+        with its TagManufacturer.db in the same folder.
     target
         The file to write.
     overwrite
@@ -108,7 +108,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
         print(f"{counted(named, 'name')} left out: TagInfo.txt has no place for names")
     if known.operating_modes:
         print("Channel, operating mode and excluded stretches are left out: no place for them")
-    _tell_unselected(source)
+    _warn_of_unselected(source)
 
 
 @tags.command(help_epilogue=examples("tags correct"))
@@ -195,7 +195,7 @@ def correct(
 
 
 def _read(path: Path) -> "TagSource":
-    """Read whatever describes tags, by the rules of tag files."""
+    """Read tags from any supported file, by the rules of tag files."""
     from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
     from uavrt.config.tag_files import faults_of_tags
 
@@ -209,7 +209,7 @@ def _read(path: Path) -> "TagSource":
 
 
 def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
-    """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` beside it."""
+    """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` in its folder."""
     from uavrt.ground.store.tag_table import import_rows, tags_from_rows
 
     found, faults = tags_from_rows(import_rows(_databases(path)))
@@ -219,7 +219,7 @@ def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
 
 
 def _databases(path: Path) -> dict[str, str]:
-    """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` beside it, by their names."""
+    """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` in its folder, by name."""
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
         try:
@@ -232,8 +232,8 @@ def _databases(path: Path) -> dict[str, str]:
     return files
 
 
-def _tell_unselected(path: Path) -> None:
-    """Say which tags TagTracker does not search for: our tag files have no such mark."""
+def _warn_of_unselected(path: Path) -> None:
+    """Name the tags that TagTracker does not search for: our tag files have no such mark."""
     from uavrt.ground.store.tag_table import not_selected
 
     left_out = not_selected(_databases(path)) if path.suffix.lower() == ".db" else None
@@ -321,7 +321,7 @@ def measure(
     with closing(opened()) as source:
         if source.origin:
             print(source.origin, file=sys.stderr)
-    with progress_bar("measuring", 1.0) as on_progress, _telling(faults):
+    with progress_bar("measuring", 1.0) as on_progress, _reporting(faults):
         found = measure_tags(
             opened,
             frequency_hz=frequency,
@@ -340,7 +340,7 @@ def measure(
         print("\n".join(lines), file=sys.stderr)
     for doubtful in found.doubtful:
         print(doubtful, file=sys.stderr)
-    with _telling(faults):
+    with _reporting(faults):
         _check_entries(entries)
         if output is None:
             print(format_tags_toml(entries), end="")
@@ -366,7 +366,7 @@ def _code_lines(tag_id: int, code: "MeasuredCode") -> list[str]:
 
 
 def _with_sigma(number: float, sigma: float) -> str:
-    """Write a number and its standard deviation with two digits of this, at least 0.01."""
+    """Write a number and its standard deviation to two digits of that, at least 0.01."""
     digits = 2
     while digits < 6 and round(sigma, digits) < 9.5 * 10.0**-digits:
         digits += 1
@@ -374,7 +374,7 @@ def _with_sigma(number: float, sigma: float) -> str:
 
 
 def _check_center(center_frequency_hz: float | None) -> None:
-    """Refuse megahertz for hertz before the work."""
+    """Reject megahertz typed for hertz before the work."""
     from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 
     if center_frequency_hz is not None and not (
@@ -386,7 +386,7 @@ def _check_center(center_frequency_hz: float | None) -> None:
 
 
 def _check_entries(entries: "Sequence[Tag]") -> None:
-    """Write nothing that `uavrt tags check` would refuse."""
+    """Reject entries that `uavrt tags check` would reject."""
     from uavrt.config.tag_files import faults_of_tags
 
     faults = faults_of_tags(entries)
@@ -404,8 +404,8 @@ def _numbered(name: str | None, count: int) -> "list[str | None]":
 
 
 @contextmanager
-def _telling(faults: list[UavrtError]) -> Iterator[None]:
-    """Also report what is wrong with the recording when something else ends the work."""
+def _reporting(faults: list[UavrtError]) -> Iterator[None]:
+    """Report faults of the recording even when another error ends the work."""
     try:
         yield
     except UavrtError:
@@ -437,7 +437,7 @@ def _rate_lines(rate: "MeasuredRate") -> list[str]:
 
 
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
-    """Report which tags of one band may be taken for each other, and what would part them."""
+    """Report which tags of one band may be confused, and how to separate them."""
     from uavrt.config.code_rules import words_of_near_codes
     from uavrt.config.settings import DetectionSettings
     from uavrt.config.tag_bands import tags_by_band

@@ -1,8 +1,7 @@
-"""Lines for a terminal or a pipe, that keep nobody waiting.
+"""Lines for a terminal or a pipe, printed without blocking the program.
 
-A terminal that is stopped (Ctrl-S), a pager that waits or a pipe that nobody reads takes no
-more bytes: to print would stand still, and everything else in the program with it. So another
-thread prints.
+A stopped terminal (Ctrl-S), a waiting pager or an unread pipe blocks each write, and with it
+the whole program. So another thread prints.
 """
 
 import contextlib
@@ -13,18 +12,19 @@ import threading
 from typing import TextIO
 
 MOST_WAITING = 100_000
-"""Lines; three hours of 10 pulses a second, some 20 MB."""
+"""Most waiting lines: three hours of 10 pulses a second, some 20 MB."""
 LAST_S = 1.0
-"""How long the end of a program waits for lines that are not out."""
+"""Longest wait for unprinted lines at the end of a program [s]."""
 
 
 class TerminalLines:
-    """Prints lines in their order, in a thread of its own.
+    """Prints lines in order, in a separate thread.
 
-    When its reader has gone it prints no more; what cannot wait is left out. Both are counted.
+    It stops printing when the reader has gone, and drops lines beyond the limit. Both are
+    counted.
 
-    `stream`: where to; standard output by default.
-    `most`: lines that wait at most.
+    `stream`: output; standard output by default.
+    `most`: limit of waiting lines.
     """
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:
@@ -35,20 +35,20 @@ class TerminalLines:
         self._thread.start()
         self.left_out = 0
         self.gone = False
-        """Nobody reads any more."""
+        """True when the reader has closed the pipe."""
 
     def __call__(self, line: str) -> None:
-        """Print a line soon."""
+        """Queue a line."""
         try:
             self._lines.put_nowait(line)
         except queue.Full:
             self.left_out += 1
 
     def close(self, timeout_s: float = LAST_S) -> bool:
-        """Print what waits, and no more after it; whether the thread has ended.
+        """Print the waiting lines and stop; returns True if the thread has ended.
 
-        If not, it stands in a write and holds the stream's lock: the program must leave by
-        `os._exit`, for the interpreter's own end would wait for that lock.
+        If not, it is blocked in a write and holds the stream's lock. The program must then end
+        by `os._exit`, since the interpreter's own end would wait for that lock.
         """
         self._ending.set()
         with contextlib.suppress(queue.Full):

@@ -1,4 +1,4 @@
-"""Text of others on a terminal: names and messages from files may hold commands for it."""
+"""Foreign text on a terminal: names and messages from files may contain terminal commands."""
 
 import re
 import sys
@@ -12,12 +12,12 @@ _CONTROL = re.compile(
 
 
 def harmless(text: str) -> str:
-    r"""Show control characters as ``\x1b``; colours, moves of the cursor and lines stay."""
+    r"""Show control characters as ``\x1b``; colours, cursor moves and line ends stay."""
     return _CONTROL.sub(lambda found: found[1] or f"\\x{ord(found[0]):02x}", text)
 
 
 class TerminalText:
-    """A terminal to which only harmless text is written; all else is the stream's.
+    """A terminal that receives only harmless text; all else is the stream's.
 
     `stream`: the terminal.
     """
@@ -26,7 +26,7 @@ class TerminalText:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write text, with what a terminal would obey made visible."""
+        """Write text, with terminal commands made visible."""
         self._stream.write(harmless(text))
         return len(text)
 
@@ -40,7 +40,7 @@ class TerminalText:
 
 
 def guard_terminals() -> None:
-    """Have standard output and error write harmless text where they are terminals."""
+    """Make standard output and error write harmless text where they are terminals."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         guarded = stream is None or isinstance(stream, TerminalText)

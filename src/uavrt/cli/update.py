@@ -1,4 +1,4 @@
-"""``uavrt update``: another version, without a network and with a way back."""
+"""``uavrt update``: install another version, without a network and with a way back."""
 
 import contextlib
 import importlib
@@ -53,7 +53,7 @@ def update(
     Parameters
     ----------
     file
-        A .tar with all libraries, or a .whl of uavrt alone with its .sig beside it.
+        A .tar with all libraries, or a .whl of uavrt alone with its .sig in the same folder.
     config
         Settings file of the service.
     bench
@@ -121,7 +121,7 @@ def _say(text: str) -> None:
 
 
 def _rehearse() -> None:
-    """Load what a flight needs, and print the version: asked by the version before."""
+    """Load the modules of a flight, and print the version; called by the installed version."""
     for row in PROCESSES:
         importlib.import_module(row.module)
     importlib.import_module("uavrt.supervisor.program")
@@ -148,7 +148,7 @@ def _require_still(settings: Settings, *, bench: bool) -> Needs:
 def _watch(
     settings: Settings, place: Installation, needs: Needs, *, hold_s: float, patience_s: float
 ) -> tuple[Verdict, str]:
-    """Watch the service until it is known whether it is fit."""
+    """Watch the service until its fitness is decided."""
     trial = Trial(needs, monotonic_s(), hold_s=hold_s, patience_s=patience_s)
     read = _Reading(status_socket_path(settings), place.current())
     verdict = Verdict.OPEN
@@ -158,9 +158,10 @@ def _watch(
 
 
 class _Reading:
-    """Records of a version's service, which may go away and come back.
+    """Records of a version's service, which may disconnect and return.
 
-    What another version says does not count: where a restart failed, the one before runs on.
+    Reports of another version are ignored: after a failed restart, the old one is still
+    running.
     """
 
     def __init__(self, path: Path, version: Path) -> None:

@@ -1,6 +1,6 @@
-"""Numbers of things in sentences."""
+"""Plurals in sentences."""
 
 
 def counted(number: int, one: str, several: str | None = None) -> str:
-    """Write a number with its thing: ``1 flight``, ``3 flights``, ``2 batteries``."""
+    """Write a number with its noun: ``1 flight``, ``3 flights``, ``2 batteries``."""
     return f"{number} {one if number == 1 else several or one + 's'}"

@@ -1,8 +1,8 @@
-"""Lists of coded tags as people have them: CSV with a heading, or a YAML list.
+"""Lists of coded tags as CSV with a heading, or as a YAML list.
 
-The heading tells what a column is; names that others give them are taken, too: ``tagFreq``,
-``g1`` to ``g7`` and ``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies
-in megahertz. A YAML list may be one of mappings, or a mapping from names to them.
+The heading names the columns, with common variants: ``tagFreq``, ``g1`` to ``g7`` and ``bi``.
+Gaps are in milliseconds, burst intervals in seconds, frequencies in megahertz. A YAML list may
+be one of mappings, or a mapping from names to them.
 """
 
 import csv
@@ -44,7 +44,7 @@ _NO_LIST = "not a list of tags: write - id: 12"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cell:
-    """What a list says under one name; of several values, each with its line."""
+    """One or more values with a name, each with its line."""
 
     text: str
     line: int
@@ -52,14 +52,14 @@ class _Cell:
 
     @property
     def parts(self) -> tuple[tuple[str, int], ...]:
-        """Several values, also those that stand in one text."""
+        """Several values, also from one text."""
         if self.items is not None:
             return self.items
         return tuple((part, self.line) for part in re.split(r"[\s,;]+", self.text.strip("[] ")))
 
 
 def is_code_csv(text: str) -> bool:
-    """Whether a text's first line with content is the heading of a list of codes."""
+    """True if a text's first line with content is the heading of a list of codes."""
     for line in text.split("\n"):
         content = line.strip().lstrip("#").strip()
         if content:
@@ -68,7 +68,7 @@ def is_code_csv(text: str) -> bool:
 
 
 def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a CSV list of codes; add what is not understood to `faults`."""
+    """Read a CSV list of codes; append errors to `faults`."""
     names: list[str] = []
     drafts = []
     for number, line in enumerate(text.split("\n"), start=1):
@@ -88,9 +88,9 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
             continue
         absent = names[len(cells) :]
         if len(cells) != len(names):
-            told = f"{len(cells)} values where the heading has {len(names)}"
+            fault = f"{len(cells)} values where the heading has {len(names)}"
             last = f", none for {', '.join(absent)[:80]}" if absent else ""
-            faults.append(Fault(line=number, text=told + last))
+            faults.append(Fault(line=number, text=fault + last))
         if len(cells) > len(names):
             continue  # which is which is unknown
         pairs = zip(names, cells, strict=False)
@@ -100,7 +100,7 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a YAML list of codes; add what is not understood to `faults`."""
+    """Read a YAML list of codes; append errors to `faults`."""
     drafts: list[TagDraft] = []
     for node in read_yaml(text, faults):
         for tag, name in _tags_of(node, faults):
@@ -113,7 +113,7 @@ def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def _tags_of(node: Node, faults: list[Fault]) -> list[tuple[Node, str | None]]:
-    """Find the tags of a block, each with the name that it stands under."""
+    """Tags of a block, each with its name."""
     value = node.value
     if isinstance(value, dict):
         inside = [value[key] for key in ("tags", "codes") if key in value]
@@ -136,7 +136,7 @@ def _is_known(key: str) -> bool:
 
 
 def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]:
-    """Make a tag's row of a mapping; the name that it stands under may be its number."""
+    """Row of a tag from a mapping, whose name may be its number."""
     assert isinstance(tag.value, dict)
     table: dict[str, _Cell] = {}
     for key, one in tag.value.items():
@@ -164,7 +164,7 @@ def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]
 def _draft(
     table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
 ) -> TagDraft:
-    """Read a tag's row; what is `absent` has been told, and is not told again."""
+    """Read a tag's row; fields in `absent` have been reported already."""
     draft = TagDraft(line=line, gaps=())
     given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
     interval_s: float | None = None
@@ -204,7 +204,7 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Read a tag's gaps [ms] and their line; None where they are not all numbers."""
+    """Gaps of a tag [ms] and their line; None where they are not all numbers."""
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -225,7 +225,7 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Name the columns that were passed over: one may be what is missing."""
+    """Message about unknown columns: one may be a missing one."""
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

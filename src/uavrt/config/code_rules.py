@@ -1,8 +1,7 @@
-"""Plausibility checks for the codes of coded tags, and which codes are hard to tell apart.
+"""Plausibility checks for the codes of coded tags, and a search for similar codes.
 
-A burst is known by the gaps between its pulses. What the trade allows for them is what
-registering a tag leaves open: the gaps together within 1.5 ms, the interval from burst to burst
-within 4 ms.
+A code is the gaps between a burst's pulses. The tolerances are those of tag registration: all
+gaps together within 1.5 ms, the burst interval within 4 ms.
 """
 
 import math
@@ -13,19 +12,19 @@ from uavrt.config.tag_drafts import Entry, Fault, TagDraft
 from uavrt.messages import Tag
 
 MAX_CODES = 500
-"""In a list: what a core searches beside everything else that a flight does."""
+"""Most codes in a list: a core can search these in addition to a flight's other work."""
 MOST_NEAR = 50
-"""Pairs of near codes that are named."""
+"""Most pairs of near codes that are listed."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
 CODED_K = 10
-"""Bursts summed at most."""
+"""Most bursts summed."""
 GAP_TOLERANCE_S = 1.5e-3
-"""All gaps of a burst together may differ by so much from those listed."""
+"""Tolerance of all gaps of a burst together [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Gaps nearer than this are the same number, written twice."""
+"""Gaps nearer than this are equal [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -33,14 +32,14 @@ _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 def faults_of_gaps(
     gaps: Sequence[Entry], interval: Entry | None, width: Entry | None
 ) -> list[tuple[Entry, str]]:
-    """Judge the gaps of one code, and its interval from burst to burst; all in milliseconds."""
+    """Check the gaps of one code, and its burst interval; all in milliseconds."""
     if not gaps:
-        return []  # told when they were read
+        return []  # reported when they were read
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
     factor, found = _faults_of_numbers(gaps, width_ms)
     if len(gaps) > MAX_GAPS:
         found.append((gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"))
-    # What is no gap at all was told, and adds nothing here.
+    # Invalid gaps were reported before, and are left out here.
     meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
     length_ms = sum(meant_ms) + width_ms
     if interval is not None and length_ms >= interval.number:
@@ -52,7 +51,7 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Judge each gap; also give what makes milliseconds of numbers in another unit."""
+    """Check each gap; also returns the factor to milliseconds for numbers in another unit."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -70,7 +69,7 @@ def _faults_of_numbers(
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
-    """Judge the codes of a list together: too many of them, or two that are the same."""
+    """Check the codes of a list together: too many, or two that are equal."""
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
@@ -94,7 +93,7 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
 
 
 def same_codes(tags: Sequence[Tag]) -> list[tuple[Tag, Tag]]:
-    """Find tags of one code, gaps and burst interval, which nobody can tell apart."""
+    """Find tags with equal code, gaps and burst interval, which cannot be distinguished."""
     known, found = _Codes(), []
     for place, tag in enumerate(tags):
         if tag.coded:
@@ -117,16 +116,16 @@ class _Code:
 
 
 class _Codes:
-    """Codes of a list, by what nobody can tell apart."""
+    """Codes of a list, by their distinguishable properties."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Where the same code stood first; `place`, if it is new or no possible one."""
+        """Place where the same code stood first; `place` if it is new or invalid."""
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
-            return place  # told elsewhere
+            return place  # reported elsewhere
         length_ms = sum(code.gaps_ms)
         near = range(round(length_ms) - 1, round(length_ms) + 2)
         for key in near:
@@ -138,7 +137,7 @@ class _Codes:
 
 
 def _are_same(one: _Code, other: _Code) -> bool:
-    """Both of as many gaps."""
+    """Compare codes with equal numbers of gaps."""
     return (
         abs(one.frequency_khz - other.frequency_khz) < _SAME_KHZ
         and abs(one.interval_ms - other.interval_ms) < BURST_TOLERANCE_MS
@@ -150,9 +149,9 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find codes of one band that are nearer to each other than the tolerance of gaps.
+    """Find codes of one band that differ by less than the tolerance of gaps.
 
-    Returns: two tags, and by how much their gaps differ together [s].
+    Returns: two tags, and the difference of their gaps together [s].
     """
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
@@ -177,7 +176,7 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
-    """Name the codes of a list that are hard to tell apart, a sentence for each pair."""
+    """Sentence for each pair of codes that are hard to distinguish."""
     near = near_codes(tags, window_hz)
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [

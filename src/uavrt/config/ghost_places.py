@@ -1,9 +1,9 @@
 """Frequencies where a receiver shows ghosts of a strong signal.
 
 If a ghost of one tag may appear where another tag transmits, both tags go to the same detector
-worker, as long as the load stays even: one process judges both at the same place of the stream.
-Trains sent through the supervisor would come a second later, so that a ghost would be confirmed
-in some flights and not in others.
+worker, as long as the load stays even. One process then judges both at the same place of the
+stream. Trains sent through the supervisor would come a second later, so that some flights would
+confirm a ghost.
 """
 
 import itertools
@@ -12,26 +12,26 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Multiple of a signal's distance from the centre."""
+"""Largest multiple of a signal's distance from the centre."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
-_BESIDE_HZ = 1000.0
-"""Nearer than this it is no ghost but a neighbour, or a leak that is refused already."""
+_NEIGHBOUR_HZ = 1000.0
+"""Distance below which a signal is a neighbour or a rejected leak instead of a ghost [Hz]."""
 _USUAL_HZ = 500.0
-"""Tags are off by no more, however wide the search is."""
+"""Largest offset of a tag, however wide the search is [Hz]."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""The mirror first."""
+"""The mirror image first."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
 )
-"""Multiples of two signals at once. The first line is what any curved amplifier makes in its
-band; the second what a converter makes of the two parts of a sample by themselves."""
+"""Multiples of two signals at once. The first line is from nonlinear amplifiers; the second
+from a converter's separate treatment of the two parts of a sample."""
 
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """What makes ghosts."""
+    """Receiver properties that cause ghosts."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -39,15 +39,11 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """Whether a signal, alone or with another, may have a ghost at a frequency.
+        """True if a signal, alone or with another, may have a ghost at a frequency.
 
-        Parameters
-        ----------
-        ghost_hz, original_hz : float
-        partners_hz : iterable of float, optional
-            Signals that are there whenever the original is.
+        `partners_hz`: signals present whenever the original is.
         """
-        if abs(ghost_hz - original_hz) < _BESIDE_HZ:
+        if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
             self._apart_hz(ghost_hz, place_hz) < near_hz
@@ -64,12 +60,7 @@ class Receiver:
     ) -> float:
         """Share of a search in which `makes` would be true: the chance of a tag to lie there.
 
-        Parameters
-        ----------
-        original_hz : float
-        partners_hz : iterable of float
-        nominal_hz, half_width_hz : float
-            Of the search; a tag is off by 500 Hz at most.
+        `nominal_hz`, `half_width_hz`: of the search; a tag is off by 500 Hz at most.
         """
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
@@ -81,19 +72,10 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """By which multiple a signal may have a ghost in a search, if each is off its place.
+        """Least multiple of a signal that may give a ghost in a search; -1 is the mirror.
 
-        Parameters
-        ----------
-        ghost_hz, original_hz : float
-            Nominal frequencies.
-        window_hz : float
-            Half-width of the search around both.
-
-        Returns
-        -------
-        int, optional
-            The least; -1 is the mirror. None: by none.
+        `ghost_hz`, `original_hz`: nominal frequencies.
+        `window_hz`: half-width of the search around both.
         """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
@@ -105,7 +87,7 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Distances from the centre, not folded, and how near a ghost is to each."""
+        """Distances of ghosts from the centre, not folded, and their tolerances."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

@@ -1,4 +1,4 @@
-"""What ``[guidance]`` asks for beyond each single value: known planners, limits that fit."""
+"""Checks of ``[guidance]`` across settings: known planners, consistent limits."""
 
 import json
 from collections.abc import Iterator
@@ -9,11 +9,11 @@ from uavrt.plugins import Registry
 
 PLANNER_GROUP = "uavrt.planners"
 PLANNER_NAMES = ("mi_rate",)
-"""Those of `uavrt.planning`; packages add theirs by the group."""
+"""Names of the planners in `uavrt.planning`; packages add theirs by entry point."""
 
 
 def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each fault; what is not even of its kind is left to others."""
+    """Key and text of each fault; values of a wrong type are reported elsewhere."""
     table = document.get("guidance")
     if not isinstance(table, dict):
         return

@@ -1,4 +1,4 @@
-"""Secrets in files: read only from files that nobody else on the computer may read."""
+"""Secrets in files that only their owner may read."""
 
 import os
 import stat
@@ -13,7 +13,7 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
     """Read a secret written as hexadecimal digits.
 
-    `what`: what the file is called when it cannot be read: ``key file``.
+    `what`: name of the file in messages: ``key file``.
     `least`, `most`: bytes that the secret may have.
     Raises `FormatError`: it is a pipe or far too large.
     Raises `ConfigError`: there is no such file, other users may read or change it, or it does

@@ -32,7 +32,7 @@ _WIDTH = 92
 
 
 def load_settings(path: str | os.PathLike[str]) -> Settings:
-    """Read ``uavrt.toml``; whatever it leaves out has its default.
+    """Read ``uavrt.toml``; missing settings have their defaults.
 
     Raises `ConfigError`: the file cannot be read, or has faults: all are listed, each with its
     line.
@@ -87,7 +87,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Get key and text of each fault: an unknown kind, a value that the radio lacks."""
+    """Key and text of each fault: an unknown kind, or a value not supported by the radio."""
     table = document.get("radio")
     if not isinstance(table, dict):
         return
@@ -117,20 +117,20 @@ def _faults_of_radio(radio: RadioRow, table: dict[str, Any]) -> Iterator[tuple[s
 
 
 def settings_schema() -> dict[str, Any]:
-    """JSON Schema of ``uavrt.toml``, for editors that check while one types."""
+    """JSON Schema of ``uavrt.toml``, for editors that check while typing."""
     return _settings_adapter().json_schema()
 
 
 @cache
 def _settings_adapter() -> "TypeAdapter[Settings]":
-    """Build the reader of all tables once: it takes the docstrings out of their source."""
+    """Build the reader of all tables once: it extracts the docstrings from the source."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Settings)
 
 
 def default_settings_text() -> str:
-    """Text of a ``uavrt.toml`` with every setting, its default and what it means."""
+    """Text of a ``uavrt.toml`` with every setting, its default and its description."""
     schema = settings_schema()
     top: list[str] = ["# Settings of uavrt on the drone. What is left out has its default."]
     tables: list[str] = []
@@ -175,7 +175,7 @@ def _table_schema(schema: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
-    """Explain a fault of pydantic's in plain words: ``[radio] gian is unknown; …``."""
+    """Explain a fault found by pydantic in plain words: ``[radio] gian is unknown; …``."""
     where = [str(part) for part in detail["loc"]]
     table = _table_schema(schema, where[0]) if where else None
     label = f"[{where[0]}] {'.'.join(where[1:])}".rstrip() if table else ".".join(where)
@@ -206,7 +206,7 @@ def _explain(detail: "ErrorDetails", schema: dict[str, Any]) -> str:
 
 
 def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
-    """One setting: its comment, then its default; ``#`` before one that has no value."""
+    """Lines of one setting: comment, then default; commented out if there is none."""
     comment = [f"# {line}" for line in _plain(str(entry.get("description", ""))).split("\n")]
     default = entry.get("default")
     if default is None:
@@ -219,13 +219,13 @@ def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """A docstring without its markup, in lines that fit."""
+    """Docstring without its markup, wrapped."""
     joined = " ".join(text.replace("``", "").split())
     return textwrap.fill(joined, _WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def _rule(kind: str, text: str) -> str:
-    """Describe in words what a rule of its own asks for; pydantic names only the function."""
+    """Describe a custom rule; pydantic names only its function."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

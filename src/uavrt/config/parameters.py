@@ -18,7 +18,7 @@ from uavrt.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Of a float32, in which parameters travel; so 0.005 comes out as 0.005."""
+"""Digits of a float32, the wire type of parameters, so that 0.005 is shown as 0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,10 +29,10 @@ class Parameter:
     table: str
     """Table of ``uavrt.toml``."""
     field: str
-    """Setting in it."""
+    """Name of the setting in the table."""
     kind: Kind
     short: str
-    """A few words for a list."""
+    """Short description for a list."""
     meaning: str
     low: float = 0
     high: float = 1
@@ -40,18 +40,18 @@ class Parameter:
     unit: str = ""
     decimals: int = 0
     choices: tuple[str, ...] = ()
-    """Of a choice: what the numbers from 0 stand for."""
+    """Names of the numbers from 0, for a choice."""
     absent: float | None = None
-    """Number that stands for a setting that is left out; it lies outside `low` to `high`."""
+    """Number for a setting without value; it lies outside `low` to `high`."""
     scale: float = 1.0
-    """What one unit of the parameter is in the setting's unit."""
+    """One unit of the parameter in the setting's unit."""
     live: bool = False
-    """In force at once; otherwise from the next start of detection."""
+    """True: in force at once; otherwise from the next start of detection."""
     volatile: bool = False
-    """Tells a state, which changes by itself; it is no setting and is not kept."""
+    """A state that changes by itself; it is not stored as a setting."""
 
     def allows(self, value: float) -> bool:
-        """Whether a number may be set."""
+        """True if a number is in range."""
         if value == self.absent:
             return True
         whole = self.kind == "real" or value == int(value)
@@ -202,14 +202,14 @@ RUN = Parameter(
     short="Detect",
     meaning="1 starts detection with the last tags, 0 stops it; shows which of the two it is.",
 )
-"""An order and a state as a parameter, for ground stations that know nothing else."""
+"""Start and stop of detection as a parameter, for ground stations without uavrt's commands."""
 
 OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
-"""What a ground station sees: the settings' parameters, and this one at the end."""
+"""All parameters shown to a ground station: the settings', and this one at the end."""
 
 
 def run_wanted(value: float) -> bool:
-    """Read what `DET_RUN` is to be: True to detect.
+    """Requested state of `DET_RUN`: True to detect.
 
     Raises `ConfigError`: it is neither 0 nor 1.
     """
@@ -226,8 +226,8 @@ def parameter_values(settings: Settings) -> dict[str, float]:
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
     """Get the settings with one parameter changed.
 
-    Raises `ConfigError`: there is no such parameter, or it cannot have that value; the text
-    says what it can.
+    Raises `ConfigError`: there is no such parameter, or the value is not allowed; the text
+    gives the range.
     """
     parameter = PARAMETERS.get(name)
     if parameter is None:
@@ -249,12 +249,12 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Refuse a start or a capture with what no radio can be set to; returns the gain.
+    """Check a start or a capture for values that the radio does not support; returns the gain.
 
     `settings`: those of the radio that is to start; None where the radio is not known.
     `center_frequency_hz`: radio frequency that came with the command.
     `gain`: gain that came with it, in the radio's own steps.
-    Raises `ConfigError`: one of the two is out of range; the text says which, and the range.
+    Raises `ConfigError`: one of the two is out of range; the text gives the range.
     """
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
@@ -270,7 +270,7 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Get the frequency that the radio tunes to when asked for this one [Hz].
+    """Frequency that the radio tunes to for a requested one [Hz].
 
     Raises `ConfigError`: the radio does not receive it.
     """
@@ -303,7 +303,7 @@ def warnings_of_band(
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
-    """Get the tags as they are searched: K and false-alarm probability may be set for all."""
+    """Tags with the settings' K and false-alarm probability, where these are set for all."""
     detection = settings.detection
     changes: dict[str, Any] = {}
     if detection.k:

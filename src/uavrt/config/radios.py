@@ -1,12 +1,11 @@
-"""The table of radios: one row each.
+"""The table of radios, one row each.
 
-Gains that a ground station may set, kinds that ``uavrt.toml`` may name, programs, names of
-logs, and what the service may open derive from it. A new radio is a row here and what its
-program is started with (`uavrt.radio.programs`) or, without a program, how it is opened
-(`uavrt.radio.opening`).
+Gain ranges, kinds in ``uavrt.toml``, programs, names in logs and the service's device
+permissions derive from it. A new radio needs a row here, and its program's arguments
+(`uavrt.radio.programs`) or, without a program, its driver (`uavrt.radio.opening`).
 
-Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0,
-hackrf 2022.09.1.
+Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0, hackrf
+2022.09.1.
 """
 
 import struct
@@ -24,54 +23,55 @@ class RadioRow:
     gains: tuple[int, int]
     """Lowest and highest gain in the radio's own steps."""
     default_gain: int | None = None
-    """None: its driver's."""
+    """None: the driver's default."""
     package: str
     """Debian package with the programs."""
     receive: str = ""
-    """Program that writes samples to stdout; empty: it needs none."""
+    """Program that writes samples to stdout; empty: none needed."""
     inform: tuple[str, ...] = ()
-    """Program that prints the sample rates of the device that is there."""
+    """Program that prints the sample rates of the connected device."""
     sample_format: str = "cf32"
-    """Of the program's samples (`uavrt.radio.formats`)."""
+    """Format of the program's samples (`uavrt.radio.formats`)."""
     rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
     """Supported sample rates: lowest and highest of each range [Hz]."""
     rates_note: str = ""
-    """Which of its models supports which rate."""
+    """Sample rates by model."""
     receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
     """Lowest and highest radio frequency of each range [MHz]."""
     tunes_in_float32: bool = False
-    """Its program reads the frequency in megahertz as float32: it tunes in steps of 16 Hz."""
+    """True if its program reads the frequency in megahertz as float32: it tunes in steps of 16
+    Hz."""
     usual_rate_hz: float = 3e6
-    """What the first set-up proposes."""
+    """Sample rate suggested by the first set-up."""
     overruns_option: str = ""
-    """Option, in versions that have it, that makes the program count its overruns on stderr."""
+    """Option of recent versions that counts overruns on stderr."""
     lists: tuple[str, ...] = ()
     """Program that lists the devices with place and serial number; needed where `receive` takes
     a serial number of digits as a place."""
     serial_prefix: str = ""
-    """What its program wants before the hexadecimal serial number that the USB tells."""
+    """Prefix that its program requires before the hexadecimal serial number reported by USB."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor, product and name."""
 
     def takes_rate(self, rate_hz: float) -> bool:
-        """Whether the radio supports a sample rate."""
+        """True if the radio supports a sample rate."""
         return any(low <= rate_hz <= high for low, high in self.rates_hz)
 
     def rates_text(self, unit_hz: float = 1.0) -> str:
-        """Get the sample rates that it takes, for people, in this unit."""
+        """Supported sample rates as text, in this unit."""
         note = f" ({self.rates_note})" if self.rates_note else ""
         return _spans([(a / unit_hz, b / unit_hz) for a, b in self.rates_hz]) + note
 
     def receives(self, frequency_hz: float) -> bool:
-        """Whether the radio can be tuned to a frequency."""
+        """True if the radio can be tuned to a frequency."""
         return any(low <= frequency_hz * 1e-6 <= high for low, high in self.receives_mhz)
 
     def receives_text(self) -> str:
-        """Get the radio frequencies that it receives, for people."""
+        """Supported radio frequencies as text."""
         return f"{_spans(self.receives_mhz)} MHz"
 
     def tuned_hz(self, frequency_hz: float, correction_ppm: float = 0.0) -> float:
-        """Get the frequency that the radio tunes to when its program gets this one [Hz].
+        """Frequency that the radio tunes to when its program gets this one [Hz].
 
         `correction_ppm` is the known error of the crystal.
         """
@@ -160,4 +160,4 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(kind="soapy", title="SoapySDR", package="python3-soapysdr", gains=(0, 120)),
     )
 }
-"""By the name that ``[radio] kind`` gives it."""
+"""Radios by the name in ``[radio] kind``."""

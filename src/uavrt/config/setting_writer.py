@@ -1,4 +1,4 @@
-"""Change single settings of ``uavrt.toml``; comments and all else stay as they are."""
+"""Change single settings of ``uavrt.toml``; comments and other text remain."""
 
 import copy
 import json
@@ -20,16 +20,16 @@ from uavrt.foreign import SETTINGS, read_file
 Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
 _MOST_LINES = 200
-"""Of one value."""
+"""Most lines of one value."""
 """New values by table and key; None: the default again."""
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write some settings; a file that is not there begins with all defaults.
+    """Write some settings; a new file begins with all defaults.
 
-    `path`: of ``uavrt.toml``; who may read it stays.
+    `path`: ``uavrt.toml``; its permissions stay.
     `changes`: new values.
-    Returns: all of the file.
+    Returns: the new content.
     Raises `ConfigError`: a value is not allowed, the file has faults or cannot be written; it
     stays as it was.
     """
@@ -47,7 +47,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Get the settings as they would be, and the file's text; raises as `change_settings`."""
+    """Changed settings, and the file's new text; raises as `change_settings`."""
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
@@ -85,7 +85,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Get the last line of a value that begins in a line; both are counted from 1."""
+    """Last line of a value that begins in a line; both are counted from 1."""
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
@@ -96,7 +96,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Find where a table says ``# key =``, as `default_settings_text` does."""
+    """Find a table's commented default ``# key =``, as `default_settings_text` writes it."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None
@@ -110,7 +110,7 @@ def _toml(value: str | float) -> str:
 
 
 def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:
-    """Make sure that the text has changed as wanted, and in nothing else."""
+    """Check that the text has changed as requested, and in nothing else."""
     wanted: dict[str, Any] = copy.deepcopy(tomllib.loads(before))
     for (table, key), value in changes.items():
         inside = wanted.setdefault(table, {})
@@ -131,5 +131,5 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
 
 
 def _without_empty(document: dict[str, Any]) -> dict[str, Any]:
-    """Leave out tables without a key, which say nothing."""
+    """Leave out tables without keys."""
     return {name: value for name, value in document.items() if value != {}}

@@ -1,4 +1,4 @@
-"""Tags whose bands overlap, so that the search for one hears the other's pulses."""
+"""Tags with overlapping bands, whose searches receive each other's pulses."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from uavrt.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Group bands that overlap, also by way of others.
+    """Group bands that overlap, directly or through others.
 
     `bands_hz`: lower and upper edge of each.
     Returns: places of the bands, each once, rising; ordered by the first of each list.
@@ -25,6 +25,6 @@ def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
 
 
 def tags_by_band(tags: Sequence[Tag], window_hz: float) -> list[list[Tag]]:
-    """Group tags that are searched, within a half-width, in overlapping bands."""
+    """Group searched tags with overlapping bands, given the search's half-width."""
     bands_hz = [(tag.frequency_hz - window_hz, tag.frequency_hz + window_hz) for tag in tags]
     return [[tags[place] for place in places] for places in overlapping(bands_hz)]

@@ -1,4 +1,4 @@
-"""Correct a listed tag by what was measured of it."""
+"""Correct a listed tag by its measured frequency and interval."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,17 +8,18 @@ from typing import Final, Literal
 from uavrt.messages import Beep, BeepKind, Tag
 
 MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
-"""Senders that correct the list."""
+"""Kinds of senders that may correct the list."""
 DRIFT: Final = 0.005
-"""Change of a measured interval with temperature and battery, as a part of it."""
+"""Relative change of a measured interval with temperature and battery."""
 LEAST_UNCERTAINTY: Final = 0.01
-"""Difference from a listed interval that is no other rate, as a part of it."""
+"""Largest relative difference from a listed interval that still counts as that rate."""
 _DRIFT_HZ: Final = 100.0
-"""Distance from a label that is worth listing [Hz]; a fifth of the usual search."""
+"""Least distance from the labelled frequency worth correcting [Hz]; a fifth of the usual
+search."""
 _SEARCH_HZ: Final = 530.0
 """Half-width of the usual search, with the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5
-"""Smallest offset of all tags that is the receiver's."""
+"""Least common offset of all tags that is attributed to the receiver [ppm]."""
 _AGREE_PPM: Final = 1.5
 """Largest difference of a tag from the offset that all share, at most a sixth of that."""
 _SHARE: Final = 0.75
@@ -29,7 +30,7 @@ _JITTER_SIGMAS: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCorrection:
-    """What of a tag was corrected, and what was listed before."""
+    """A tag's corrected properties, and the listed ones before."""
 
     time_ns: int
     tag_id: int
@@ -38,21 +39,21 @@ class TagCorrection:
     after: Tag
 
     def applied(self, tag: Tag) -> Tag:
-        """List what was corrected for an entry that may have changed otherwise."""
+        """Apply the correction to an entry that may have other changes."""
         return _listed_as(tag, self.after, self.what)
 
     def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
-        """Get the correction that lists what was listed before it."""
+        """Correction that restores the earlier properties."""
         after = _listed_as(tag, self.before, self.what)
         return replace(self, time_ns=time_ns, before=tag, after=after)
 
     def undoes(self, other: "TagCorrection") -> bool:
-        """Whether it lists what was listed before another correction."""
+        """True if it restores the properties before another correction."""
         same = (self.tag_id, self.what) == (other.tag_id, other.what)
         return same and self.applied(other.before) == other.before
 
     def __str__(self) -> str:
-        """Write it as a line for the operator."""
+        """Line for the operator."""
         return (
             f"tag {self.tag_id}: {_listed(self.after, self)}, was {_listed(self.before, self)}"
         )
@@ -81,9 +82,9 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
-    """List a tag with the interval that was measured, in place of the nearest listed one.
+    """Replace the nearest listed interval of a tag by the measured one.
 
-    An interval that is none of those listed is added as the second, or replaces the second.
+    An interval unlike those listed is added as the second, or replaces the second.
 
     `interval_s`, `jitter_s`: the interval, and the standard deviation of the pulses about it.
     """
@@ -109,7 +110,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
 
 def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
-    """Corrections in order of time, without those that were undone and what undid them."""
+    """Corrections in order of time, without undone ones and their undoing."""
     standing: list[TagCorrection] = []
     for one in corrections:
         last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
@@ -121,9 +122,10 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Offset that the tags share, if they do: the receiver's own error.
+    """Common frequency offset of the tags, which is the receiver's error; None if there is
+    none.
 
-    Two tags, and three of four, show it. Trains that may be of two tags, or of another rate,
+    Two tags, or three of four, must agree. Trains that may be of two tags, or of another rate,
     are ignored.
     """
     off = {
@@ -144,7 +146,7 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """Write the offset that all tags share, with the remedy, as one line; none: no line."""
+    """Line with the common offset of all tags, and the remedy; None without one."""
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []
@@ -153,20 +155,20 @@ def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
 
 
 def words_of_beeps(found: Sequence[Beep]) -> list[str]:
-    """Describe what is not as listed, one line each."""
+    """Line for each sender that is not as listed."""
     return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
 
 
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:
-    """Get what a measured sender corrects of a tag that it may be; None if nothing.
+    """Correction of a tag by a measured sender that may be the tag; None if nothing differs.
 
     Frequency and interval are corrected one after the other: applied to the corrected tag, it
-    gets the next correction.
+    gives the next correction.
 
-    `found`: all senders of the flight. An offset that they share is the receiver's, and then
-    only a tag that is farther off its label is listed elsewhere.
+    `found`: all senders of the flight. A common offset is the receiver's; then only tags that
+    are farther off are corrected.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:
@@ -194,7 +196,7 @@ def correction_of(
 
 
 def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
-    """Whether a measurement was made with these entries of the list, or of tags not in it."""
+    """True if the tags of a measurement are unchanged in the list, or not in it."""
     at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
     away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
     for tag in tags:
@@ -210,13 +212,13 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
 
 
 def _is_searched(tag_id: int, beep: Beep) -> bool:
-    """Whether a tag that may be meant, at another rate, is searched for where it beeps."""
+    """True if a possible tag, at another rate, is searched at the sender's frequency."""
     place = beep.tag_ids.index(tag_id)
     return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
 
 
 def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
-    """Whether an interval, measured with some error, is one that the list allows for a tag."""
+    """True if a measured interval, within its error, is in the tag's allowed range."""
     return any(
         abs(interval_s - one)
         <= max(tag.interval_uncertainty_s, LEAST_UNCERTAINTY * one) + error_s
@@ -225,7 +227,7 @@ def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:
-    """Whether a correction by the measured interval would gain nothing."""
+    """True if correcting the interval would gain nothing."""
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
     two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty stays as it is

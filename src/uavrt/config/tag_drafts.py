@@ -1,4 +1,4 @@
-"""Tags as typed, before they are judged, and what is wrong with them."""
+"""Tags as typed, before validation, and their faults."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -18,7 +18,7 @@ Quantity = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """One fault of a file and its line."""
+    """A fault of a file, with its line."""
 
     line: int
     text: str
@@ -45,4 +45,4 @@ class TagDraft:
     entries: dict[Quantity, Entry] = field(default_factory=dict)
     name: str | None = None
     gaps: tuple[Entry, ...] | None = None
-    """Of a coded tag, whose interval is that of its bursts; None for a tag that beeps."""
+    """Gaps of a coded tag, whose interval is the burst interval; None for a beeping tag."""

@@ -1,4 +1,4 @@
-"""Tag files: read either format and report all mistakes at once; write either format."""
+"""Tag files: read any format and report all faults at once; write two formats."""
 
 import os
 import re
@@ -22,8 +22,7 @@ _TOML_LINE = re.compile(r"^[ \t]*\[", re.M)
 def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
     """Read the tags of a ``TagInfo.txt`` or ``tags.toml``.
 
-    Raises `TagFileError`: the file has faults; all are listed, each with its line. Its writer
-    mends them.
+    Raises `TagFileError`: the file has faults; all are listed, each with its line.
     Raises `ConfigError`: there is no such file, or it cannot be read.
     """
     try:
@@ -38,10 +37,10 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
 
 
 def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
-    """Read tags from a file's bytes; `name` is for messages and tells the format.
+    """Read tags from a file's bytes; `name` is for messages and determines the format.
 
-    A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes; in another file a line
-    that begins with ``[``, or a heading with gaps, tells.
+    A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes. Other files are
+    recognised by a line that begins with ``[``, or a heading with gaps.
 
     Raises `TagFileError`: the file has faults.
     """
@@ -62,7 +61,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """What reads a text: by its name, else by a line that no other format has."""
+    """Reader for a text: by its name, else by a line that no other format has."""
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_code_csv(text):
@@ -72,7 +71,7 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Judge tags that come from elsewhere by the rules of tag files; empty when all are good.
+    """Check tags from elsewhere by the rules of tag files; empty when all are good.
 
     `tags`: from a measurement, another program's file, or a wire.
     """
@@ -117,7 +116,7 @@ def _draft(tag: Tag, place: int) -> TagDraft:
 
 
 def check_tag_file_name(path: str | os.PathLike[str]) -> None:
-    """Refuse a name that tells no format in which tags are written.
+    """Reject a file name without a tag format.
 
     Raises `ConfigError`: it ends neither in ``.toml`` nor in ``.txt``, or is the original
     detector's ``detectorConfig.txt``, which is another format.

@@ -68,7 +68,7 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 
 def _cells(content: str) -> list[str]:
-    """Cells; a comma between semicolons or tabs is a decimal one."""
+    """Split a line; a comma between semicolons or tabs is a decimal one."""
     order = (",", ";", "\t") if content.count(",") >= len(COLUMNS) - 1 else (";", "\t", ",")
     for separator in order if ";" not in content else (";",):
         if separator in content:
@@ -112,7 +112,7 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
 
 
 def _tagtrackers(cells: list[str]) -> tuple[str | None, list[str], str | None]:
-    """Part a name and a second interval, where they are, from the eight numbers."""
+    """Separate a name and a second interval, if present, from the eight numbers."""
     name = second = None
     if len(cells) > len(COLUMNS) and not _is_frequency(cells[1]) and _is_frequency(cells[2]):
         name, cells = cells[1], [cells[0], *cells[2:]]
@@ -128,7 +128,7 @@ def _is_frequency(cell: str) -> bool:
 
 
 def _is_interval(cell: str, width: str) -> bool:
-    """Whether a cell is a second interval, or the 0 of none, before a pulse's width."""
+    """True for a second interval, or the 0 of none, before a pulse's width."""
     if not (_NUMBER.fullmatch(cell) and _NUMBER.fullmatch(width)):
         return False
     width_ms = float(width)

@@ -1,9 +1,8 @@
-"""Plausibility checks for tags, worded in the terms of whoever typed them.
+"""Plausibility checks for tags, with messages in the units of the file.
 
-Both tag file formats are read into `TagDraft` and judged here, so they have the same rules; and
-so has a tag that came by a wire (`uavrt.config.tag_files.faults_of_tags`).
-Bounds are those of wildlife tags with room to spare: pulses of 15 to 20 ms every 1 to 2 s near
-150 MHz (thesis §1.1).
+Both tag file formats are read into `TagDraft` and checked here, as are tags from a wire
+(`uavrt.config.tag_files.faults_of_tags`). Bounds are those of wildlife tags with a margin:
+pulses of 15 to 20 ms every 1 to 2 s near 150 MHz (thesis §1.1).
 """
 
 import math
@@ -26,20 +25,20 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""What is typed below this is a number of seconds, when it does not go with the pulse."""
+"""Intervals below this are taken as seconds when they do not fit the pulse [ms]."""
 MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
 
 USUAL_UNCERTAINTY_MS, USUAL_JITTER_MS = 60.0, 10.0
-"""Of a tag whose list does not say them: the thesis's own values (figure 4.9), as in the
-README. Labels are rounded, and intervals change with temperature and battery."""
+"""Interval uncertainty and jitter of a tag whose list lacks them: the thesis's own values
+(figure 4.9). Labels are rounded, and intervals change with temperature and battery."""
 
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
-    """Check drafts and turn them into tags; with any fault there is none, only `faults`."""
+    """Check drafts and convert them to tags; with any fault there is none, only `faults`."""
     first_lines: dict[int, int] = {}
     for draft in drafts:
         _check(draft, faults)
@@ -93,9 +92,9 @@ def _tag(draft: TagDraft) -> Tag:
 
 
 def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
-    """Uncertainty of an interval that no list says: 60 ms, or as much as can be searched.
+    """Interval uncertainty for a list without it [ms]: 60 ms, or as much as can be searched.
 
-    A tenth of the interval is the most, and of K pulses the last one is to be known within an
+    It is a tenth of the interval at most, and the last of K pulses must be known within an
     interval (see `_fault_of_group`).
     """
     room_ms = 0.5 * (shortest_ms - 2.0 * width_ms)
@@ -119,7 +118,7 @@ def _check(draft: TagDraft, faults: list[Fault]) -> None:
 
 
 def _fault_of_number(quantity: Quantity, entry: Entry) -> str | None:
-    """Judge a number alone; None when it is good."""
+    """Check a number alone; None when it is good."""
     n = entry.number
     if not math.isfinite(n):
         return "is not a finite number"
@@ -163,7 +162,7 @@ def _fault_of_frequency(n: float, unit: str) -> str | None:
 
 
 def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
-    """Judge numbers that are each possible, but not together."""
+    """Check combinations of numbers that are valid alone."""
     found: list[tuple[Entry, str]] = []
     first, second = entries.get("interval"), entries.get("second_interval")
     intervals = [entry for entry in (first, second) if entry is not None]
@@ -189,7 +188,7 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
 
 
 def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tuple[Entry, str]]:
-    """Judge what a detector makes of the numbers together."""
+    """Check the numbers' consequences for a detector."""
     uncertainty = entries.get("interval_uncertainty")
     width, k = entries.get("pulse_width"), entries.get("k")
     loose_ms = 0.0 if uncertainty is None else uncertainty.number

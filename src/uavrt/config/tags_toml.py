@@ -1,6 +1,6 @@
-"""``tags.toml``: tags by name, with units in the names, one ``[[tag]]`` each.
+"""``tags.toml``: tags with named fields and units in the names, one ``[[tag]]`` each.
 
-What is the same for all tags stands once, under ``[defaults]``.
+Values common to all tags stand once, under ``[defaults]``.
 """
 
 import json
@@ -38,7 +38,7 @@ _REQUIRED_OF_CODED: dict[Quantity, str] = {
     "interval": "burst_interval_s",
 }
 _MOST_GAPS = 50
-"""Each gap of a code is judged by itself; a list of more is refused as a whole."""
+"""Most gaps of a code; longer lists are rejected as a whole."""
 _CODED_KEYS = ("kind", "gaps_ms", "burst_interval_s")
 _HEADING = """\
 # Tags for uavrt. Each tag is one [[tag]]; id, frequency, interval and pulse width are needed.
@@ -57,7 +57,7 @@ _CODED_HEADING = """\
 
 
 def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read the tables; add whatever is not understood to `faults`."""
+    """Read the tables; append errors to `faults`."""
     try:
         check_toml(text, TAGS)
         document = tomllib.loads(text)
@@ -107,16 +107,19 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def table_quantities(table: dict[str, object]) -> set[Quantity]:
-    """What a table speaks of, rightly or wrongly."""
+    """Quantities that a table mentions, even wrongly."""
     return {KEYS[key] for key in table if key in KEYS}
 
 
 def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:
-    """Name what a tag lacks, but not what a misspelt or a wrong key is told for."""
+    """Missing fields of a tag, except those already reported as misspelt or wrong."""
     if draft.gaps is not None:
         required = _REQUIRED_OF_CODED
     elif any(key in table for key in _CODED_KEYS[1:]):
-        required = {"id": "id", "frequency": "frequency_mhz"}  # of which kind it is was told
+        required = {
+            "id": "id",
+            "frequency": "frequency_mhz",
+        }  # without the kind, which is known
     else:
         required = _REQUIRED
     known = (*KEYS, *_CODED_KEYS)
@@ -192,7 +195,7 @@ def _read_code(
     draft: TagDraft,
     faults: list[Fault],
 ) -> None:
-    """Read what only a coded tag has."""
+    """Read the fields of a coded tag."""
     given = [key for key in _CODED_KEYS if key in table]
     if not given:
         return
@@ -243,7 +246,7 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
 def read_burst_interval(
     draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Put a code's burst interval [s] into a draft; what looks like milliseconds as those."""
+    """Put a code's burst interval [s] into a draft; values like milliseconds are converted."""
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
         faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return
@@ -265,7 +268,7 @@ def _entry(key: str, value: float, line: int) -> Entry:
 
 
 def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
-    """Guess which key was meant; not in a file with more faults than are listed."""
+    """Most similar key; skipped in a file with more faults than are listed."""
     if key in known:
         return key
     if len(faults) > MOST_FAULTS:
@@ -288,5 +291,5 @@ def _syntax_fault(error: ValueError) -> Fault:
 
 
 def _quoted(text: str) -> str:
-    """Write a TOML basic string; JSON's escapes are TOML's, except that DEL needs one."""
+    """Write a TOML basic string; JSON's escapes are valid, except for DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -7,15 +7,16 @@ from uavrt.errors import FormatError
 from uavrt.foreign import TAGS, Limit, read_file
 
 MAX_BYTES = TAGS.bytes
-"""A file of 5 000 tags has 0.3 MB; more than this is not a file that somebody typed."""
+"""Largest tag file [bytes]; 5 000 tags take 0.3 MB."""
 
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def decode_text(content: bytes) -> str:
-    """Turn a file's bytes into text; lines end in a newline alone.
+    """Decode a file's bytes; lines end in a newline alone.
 
-    Raises `ValueError`: the bytes are not text, or there are too many; the text says which.
+    Raises `ValueError`: the bytes are not text, or there are too many; the text gives the
+    reason.
     """
     if len(content) > MAX_BYTES:
         raise ValueError(f"{len(content)} bytes are too many for a file written by hand")
@@ -29,10 +30,10 @@ def decode_text(content: bytes) -> str:
 
 
 def read_text(path: Path, limit: Limit) -> str:
-    """Read a file of text.
+    """Read a text file.
 
-    Raises `FormatError`: there is none, it is no text, too large, or nothing is in it; the text
-    says which.
+    Raises `FormatError`: it is missing, no text, too large, or empty; the text gives the
+    reason.
     """
     try:
         content = read_file(path, limit)

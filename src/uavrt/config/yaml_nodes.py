@@ -1,6 +1,6 @@
-"""YAML lists of tags as nodes that know their lines; PyYAML reads them.
+"""YAML lists of tags as nodes with line numbers, read by PyYAML.
 
-Numbers stay text, as typed: a list of tags says what they mean. Aliases (``*``) are faults: a
+Numbers stay text, as typed: a list of tags defines their types. Aliases (``*``) are faults: a
 few bytes of them can stand for gigabytes.
 """
 
@@ -24,10 +24,10 @@ class Node:
 
 
 def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
-    """Read the documents of a text, mostly one; add what is not understood to `faults`.
+    """Read the documents of a text, usually one; append errors to `faults`.
 
-    Reading ends at the first line that is no YAML: what comes after it cannot be told from it.
-    Documents before it are given.
+    Reading ends at the first line that is not YAML, since the rest cannot be interpreted.
+    Documents before it are returned.
 
     Raises `UsageError`: PyYAML is not installed, as on a drone without a page.
     """
@@ -39,16 +39,16 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
         import yaml
     found: list[Node] = []
     if len(text) > YAML_TAGS.bytes:
-        told = f"{len(text):,} characters are too many for {YAML_TAGS.what}"
-        faults.append(Fault(line=1, text=told))
+        fault = f"{len(text):,} characters are too many for {YAML_TAGS.what}"
+        faults.append(Fault(line=1, text=fault))
         return found
     try:
         found.extend(_node(document, faults) for document in _documents(yaml, text))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        told = " ".join(part for part in (error.context, error.problem) if part)
+        fault = " ".join(part for part in (error.context, error.problem) if part)
         line = mark.line + 1 if mark is not None else 1
-        faults.append(Fault(line=line, text=f"this is no YAML: {told}"))
+        faults.append(Fault(line=line, text=f"this is no YAML: {fault}"))
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         faults.append(Fault(line=line, text="this is no YAML: a character that no text has"))
@@ -56,22 +56,22 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
 
 
 def _documents(yaml: Any, text: str) -> Iterator[Any]:
-    """Compose each document; the depth is known before a node is made."""
+    """Compose each document; its depth is checked before a node is made."""
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
         depth = nodes = 0
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            told = None
+            fault = None
             if self.check_event(yaml.AliasEvent):
-                told = "aliases (*) are not read here: write the value itself"
+                fault = "aliases (*) are not read here: write the value itself"
             elif self.depth > YAML_TAGS.depth:
-                told = "nested too deeply for a list of tags"
+                fault = "nested too deeply for a list of tags"
             elif self.nodes >= YAML_TAGS.values:
-                told = "more values than a list of tags has"
-            if told is not None:
+                fault = "more values than a list of tags has"
+            if fault is not None:
                 mark = self.peek_event().start_mark
-                raise yaml.composer.ComposerError(None, None, told, mark)
+                raise yaml.composer.ComposerError(None, None, fault, mark)
             self.nodes += 1
             self.depth += 1
             node = super().compose_node(parent, index)

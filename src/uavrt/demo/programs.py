@@ -1,7 +1,7 @@
-"""The demo's programs: simulated autopilot, real drone side, real ground station.
+"""Programs of the demo: simulated autopilot, real drone side, real ground station.
 
-Each runs as a process of its own, as in the field; only the radio, the autopilot and the world
-are simulated.
+Each runs in its own process, as in the field; only the radio, the autopilot and the world are
+simulated.
 """
 
 import json
@@ -35,10 +35,10 @@ from uavrt.simulation.scenario import Scenario
 
 STOP_TIMEOUT_S = 15.0
 PORTS = range(61_000, 65_400)
-"""Ports that Linux gives to nobody who does not ask for them (``ip_local_port_range``)."""
+"""Ports that Linux never assigns by itself (``ip_local_port_range``)."""
 _ports = cycle(random.SystemRandom().sample(PORTS, len(PORTS)))
 _END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
-"""Words before a command by which the kernel asks it to end when we end, even by SIGKILL."""
+"""Prefix of a command that makes the kernel end it when we end, even by SIGKILL."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,10 +48,10 @@ class DemoPaths:
     directory: Path
     """Working directory: scenario, tags, logs, the ground's flight."""
     flights: Path
-    """Where the drone makes its flight directory."""
+    """Parent of the drone's flight directory."""
 
     def below(self, name: str) -> "DemoPaths":
-        """Get those of one of several drones, whose directories are made."""
+        """Paths of one of several drones; makes its directories."""
         own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
         own.directory.mkdir()
         own.flights.mkdir(parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ class DemoPaths:
 
     @property
     def scenario(self) -> Path:
-        """The world, as the simulated radio and autopilot read it."""
+        """Scenario file of the simulated radio and autopilot."""
         return self.directory / "scenario.toml"
 
     @property
@@ -69,20 +69,20 @@ class DemoPaths:
 
     @property
     def status_socket(self) -> Path:
-        """Where the supervisor shows its records."""
+        """Socket with the supervisor's records."""
         return self.directory / "status.sock"
 
     @property
     def flown(self) -> Path:
-        """Where a drone that flies commands was."""
+        """True track of a drone that flies commands."""
         return self.directory / "flown.path"
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
     """Get a free UDP port of this computer, a different one each time.
 
-    It is one of `PORTS`: a port that the kernel chose and that was closed again may be given
-    to any socket before it is bound, also to the next that asks here.
+    It is one of `PORTS`: a port that the kernel chose and that was closed again may be given to
+    another socket before it is bound.
 
     Raises `LinkError`: all ports above those are taken.
     """
@@ -100,10 +100,10 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
 
 
 def free_ros_domain() -> int:
-    """Get a ROS domain for the demo alone, which nothing else on this computer uses.
+    """Get a ROS domain that is unused on this computer.
 
     A real drone in the lab is in the environment's domain, or in 0. Up to 101, the ports of a
-    domain lie below those that Linux gives to anybody (32768).
+    domain lie below those that Linux assigns by itself (32768).
 
     Raises `UavrtError`: all are in use.
     """
@@ -119,7 +119,7 @@ def free_ros_domain() -> int:
 
 
 def demo_environment() -> dict[str, str]:
-    """Get the environment of the demo's programs; no site's ROS 2 network reaches into it."""
+    """Environment of the demo's programs, without a site's ROS 2 network."""
     kept = {name: v for name, v in os.environ.items() if name != "CYCLONEDDS_URI"}
     return kept | blas_environment({}) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -127,10 +127,10 @@ def demo_environment() -> dict[str, str]:
 def drone_settings(
     scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
 ) -> Settings:
-    """Make the drone side's settings: as in a real ``uavrt.toml`` except for the radio program.
+    """Settings of the drone side: as in a real ``uavrt.toml`` except for the radio program.
 
-    With `flies`, the radio hears what there is to hear where the drone flies by commands, not
-    on the scenario's flight.
+    With `flies`, the radio receives at the drone's place under commands, instead of on the
+    scenario's flight.
     """
     names = {one.name for one in fields(AntennaSettings)}
     mounting = {k: v for k, v in asdict(scenario.antenna).items() if k in names}
@@ -159,7 +159,7 @@ class Program:
     """One program of the demo, with its output in a file.
 
     `name`: name in messages.
-    `log`: file for everything that it prints.
+    `log`: file for its output.
     `interpreter`: command before the arguments. Empty: the first argument is the program, and
     it runs in the log's directory.
     `environment`: variables added to the demo's environment.
@@ -176,7 +176,6 @@ class Program:
     ) -> None:
         self.name = name
         self.log = log
-        """File with all that it prints."""
         self._lines = LineBuffer()
         self._read_to = 0
         self.exit_code: int | None = None
@@ -194,9 +193,9 @@ class Program:
         self.pid = self._process.pid
 
     def check(self) -> None:
-        """Make sure it still runs.
+        """Check that it still runs.
 
-        Raises `UavrtError`: it has ended by itself; the text holds the end of its output.
+        Raises `UavrtError`: it has ended; the text contains the end of its output.
         """
         if self._wait(0.0):
             words = self.last_line()
@@ -206,13 +205,13 @@ class Program:
             )
 
     def last_line(self) -> str:
-        """Get the last line of text that it has printed; empty if there is none."""
+        """Last line of its output; empty if there is none."""
         lines = self.log.read_text(errors="replace").splitlines()
         texts = [line.strip() for line in lines if line.strip() and line[0] != "{"]
         return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
 
     def new_events(self) -> list[dict[str, Any]]:
-        """Get the JSON lines that it has printed since the last call."""
+        """JSON lines of its output since the last call."""
         with self.log.open("rb") as file:
             file.seek(self._read_to)
             data = file.read()
@@ -221,11 +220,11 @@ class Program:
 
     @property
     def ended(self) -> bool:
-        """Whether it has ended."""
+        """True if it has ended."""
         return self._wait(0.0)
 
     def ask_to_stop(self) -> None:
-        """Send SIGTERM and go on."""
+        """Send SIGTERM without waiting."""
         if not self.ended:
             self._process.send_signal(signal.SIGTERM)
 
@@ -237,7 +236,7 @@ class Program:
             self._wait(STOP_TIMEOUT_S)
 
     def _wait(self, timeout_s: float) -> bool:
-        """Wait for its end; True when it has ended. Keeps its CPU time."""
+        """Wait for its end; True when it has ended. Stores its CPU time."""
         deadline_s = time.monotonic() + timeout_s
         while self.exit_code is None:
             pid, status, usage = os.wait4(self.pid, os.WNOHANG)

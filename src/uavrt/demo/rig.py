@@ -21,13 +21,13 @@ from uavrt.units import ns_from_s
 
 
 def starting_in(scenario: Scenario, seconds: float) -> Scenario:
-    """Let a world's clock start that much later than now: programs take 1.5 s to be ready."""
+    """Set a world's start this much later than now: programs take 1.5 s to be ready."""
     return scenario.starting_at(Clock.start().now_ns() + ns_from_s(seconds))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedDrone:
-    """A drone side that runs, with its simulated radio and autopilot."""
+    """A running drone side, with its simulated radio and autopilot."""
 
     scenario: Scenario
     settings: Settings
@@ -36,10 +36,10 @@ class SimulatedDrone:
     supervisor: Program
     system_id: int
     ground_port: int
-    """UDP port to which the autopilot sends what is for the ground station."""
+    """UDP port to which the autopilot sends the ground station's traffic."""
 
     def check(self) -> None:
-        """Raise `UavrtError` when one of its programs has ended by itself."""
+        """Raise `UavrtError` when one of its programs has ended."""
         self.autopilot.check()
         self.supervisor.check()
 
@@ -88,13 +88,13 @@ class Rig:
     ) -> SimulatedDrone:
         """Start a drone side and its autopilot.
 
-        `scenario`: its world, with the time at which it starts.
+        `scenario`: its world, with the start time.
         `paths`: its files; the directory exists.
         `ground_port`: of its ground station; None: a free one.
         `flies`: it flies commands, not the scenario's flight.
         `autopilot`, `supervisor`: further arguments of the two programs.
         `served_by`: module that runs the drone side, and its first arguments.
-        `settings`: changes the settings of a drone in the simulation.
+        `settings`: changes the settings of a simulated drone.
         """
         write_scenario(scenario, paths.scenario)
         companion_port = free_udp_port()
@@ -137,7 +137,7 @@ class Rig:
         )
 
     def reader(self, drone: SimulatedDrone, timeout_s: float) -> StatusReader:
-        """Connect to what the drone's supervisor shows, once it is there."""
+        """Connect to the drone's supervisor when it is ready."""
         reader = StatusReader(status_socket_path(drone.settings), timeout_s, drone.check)
         self._stack.callback(reader.close)
         return reader

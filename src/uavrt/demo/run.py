@@ -1,4 +1,4 @@
-"""Run the demo: start the programs, fly one drone or several, show, stop, account."""
+"""Run the demo: start the programs, fly one drone or several, show, stop, summarise."""
 
 import shutil
 import time
@@ -32,7 +32,7 @@ from uavrt.simulation.world import World
 from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5
-"""The world's clock starts this long after the programs: they take about 1.5 s to be ready."""
+"""Start of the world's clock after that of the programs, which take about 1.5 s to be ready."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
@@ -41,7 +41,7 @@ SAY_EVERY_S = 10.0
 
 @dataclass(slots=True)
 class _Drone:
-    """One drone, and what it has reported."""
+    """One drone, and its reports."""
 
     side: SimulatedDrone
     reader: StatusReader
@@ -51,11 +51,11 @@ class _Drone:
 
     @property
     def heard_samples(self) -> bool:
-        """Whether there is something to account for."""
+        """True once there are samples to account for."""
         return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
-        """Read what its supervisor shows."""
+        """Read the supervisor's records."""
         for topic, record in self.reader.read(wait_s):
             match record:
                 case Pulse() if record.tag_id in self.view.tags:
@@ -75,15 +75,15 @@ class _Drone:
 class Demo:
     """One run of the whole system on this machine.
 
-    `scenarios`: world of each drone: the same animals, another flight; when they start is set
+    `scenarios`: world of each drone: the same animals, another flight; the start time is set
     here.
-    `flight_dir`: where the drone makes its flight directory; one of several does it below
-    `drone-NUMBER`. The ground station's is `ground`, if it has a page.
+    `flight_dir`: parent of the drone's flight directory; of several drones, `drone-NUMBER`
+    below it. The ground station's is `ground`, if it has a page.
     `page_port`: port of the ground station's page, 0 for any free one; None flies without a
     page.
-    `console`: shows the flight while it goes on; None: nothing is shown.
-    `on_page`: called with the page's address when it is there.
-    `on_ros_domain`: called with the ROS domain in which the drone's nodes are, if it has any.
+    `console`: shows the flight in progress; None: nothing is shown.
+    `on_page`: called with the page's address when it is ready.
+    `on_ros_domain`: called with the ROS domain of the drone's nodes, if it has any.
     """
 
     def __init__(
@@ -105,11 +105,12 @@ class Demo:
         self._delivered = 0
 
     def run(self, picture: Path | None = None) -> dict[int, DemoSummary]:
-        """Fly once; get the account of each drone by its number. Save a picture if asked for.
+        """Fly once; returns the summary of each drone by its number. Saves a picture on
+        request.
 
-        Ctrl-C ends the flight where it is, and it is accounted for as one that was flown out.
+        Ctrl-C ends the flight early, with a full summary.
 
-        Raises `UavrtError`: a program ended by itself or did not get ready; the text says why.
+        Raises `UavrtError`: a program ended or did not get ready; the text gives the reason.
         """
         require_writable(self._flight_dir)
         require_free_port(self._page_port)
@@ -138,7 +139,7 @@ class Demo:
                 paths = paths.below(f"drone-{number}")
             self._drones.append(self._drone(number, scenario, paths, port))
         page = self._page_port is not None
-        # With a page beside the drone's flights, to look at later.
+        # With a page in the folder of the drone's flights, for later use.
         self._ground_directory = flights / "ground" if page else work / "ground"
         self._ground = self._rig.ground(
             work,
@@ -177,7 +178,7 @@ class Demo:
     # ------------------------------------------------------------------- flight
 
     def _fly_until_interrupted(self) -> None:
-        """Fly to the end, or until Ctrl-C once there is something to account for."""
+        """Fly to the end, or until Ctrl-C once there are samples to account for."""
         try:
             self._fly()
         except KeyboardInterrupt:
@@ -190,7 +191,7 @@ class Demo:
         return max(0.0, (self._clock.now_ns() - self._start_ns) * 1e-9)
 
     def _fly(self) -> None:
-        """Wait for detection to start, then until the flight's end."""
+        """Wait for the start of detection, then until the flight's end."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         said_s = 0.0
         while self._elapsed_s < self._duration_s:
@@ -204,7 +205,7 @@ class Demo:
                 raise not_started(self._ground, several if len(self._drones) > 1 else "")
 
     def _stop(self) -> None:
-        """Let the ground stop detection, then wait until everything has arrived."""
+        """Stop detection from the ground, then wait until everything has arrived."""
         for one in self._drones:
             one.view.phase = "landed, delivering"
         self._ground.ask_to_stop()
@@ -284,7 +285,7 @@ class Demo:
 
 
 def not_started(ground: Program, where: str = "") -> UavrtError:
-    """Say that the ground could not start detection, with its last words and where all are."""
+    """Message that the ground could not start detection, with last line and log files."""
     last = ground.last_line()
     return UavrtError(
         f"detection did not start{where}" + (f": {last}" if last else ""),
@@ -293,7 +294,7 @@ def not_started(ground: Program, where: str = "") -> UavrtError:
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:
-    """Describe what the drone does at a moment of its flight."""
+    """Describe the drone's activity at a time of its flight."""
     turns = 0
     for leg in flight.leg:
         turns += bool(leg.turn_deg)

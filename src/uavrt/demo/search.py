@@ -1,4 +1,4 @@
-"""``uavrt demo --search``: a simulated drone finds animals with nobody touching it."""
+"""``uavrt demo --search``: a simulated drone finds animals autonomously."""
 
 import shutil
 import time
@@ -26,33 +26,33 @@ RADIUS_M = 260.0
 WISH_M = 25.0
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
-"""Both as the simulated vehicle has them."""
+"""Speeds of the simulated vehicle."""
 START_LEAD_S = 2.0
 READY_TIMEOUT_S = 30.0
 SETTLES_S = 2.5
-"""After its end, until all counts of the search have been told."""
+"""Wait after the end of the search until all counts are reported."""
 OTHERS_TIMEOUT_S = 60.0
 RETURNS_WITHIN_S = 30.0
-"""After the time of the search, it must have ended."""
+"""Longest return after the time of the search."""
 REFRESH_S = 0.25
 FIRST_HEIGHT_M, ABOVE_M, BESIDE_M = 40.0, 12.0, 40.0
-"""Of the first drone, and how far above and beside the one before each other begins."""
+"""Height of the first drone, and vertical and horizontal offset of each next one's start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoughtAnimal:
-    """One animal's account."""
+    """Result for one animal."""
 
     name: str
     found: bool
     found_s: float | None
-    """After the begin of the search."""
+    """Time from the start of the search."""
     error_m: float | None
-    """From where it truly was at that moment."""
+    """Distance from its true place at that moment."""
     radius95_m: float
-    """That the search told."""
+    """Radius reported by the search."""
     walked_m: float
-    """Since the begin of the search."""
+    """Distance walked since the start of the search."""
     pulses: int
     latitude_deg: float
     longitude_deg: float
@@ -67,23 +67,23 @@ class SearchSummary:
     duration_s: float
     decisions: int
     commands: int
-    """Of motion, to the vehicle."""
+    """Number of motion commands to the vehicle."""
     guide_cpu_percent: float
-    """Of one core, over the search."""
+    """CPU of the guide over the search, of one core."""
     guide_memory_mb: float
     flight_directory: str
 
     @property
     def complete(self) -> bool:
-        """Whether every animal was found."""
+        """True if every animal was found."""
         return all(one.found for one in self.tags.values())
 
     def as_dict(self) -> dict[str, object]:
-        """Get it as plain values for JSON."""
+        """Plain values for JSON."""
         return asdict(self)
 
     def table(self) -> Table:
-        """Show it to a person."""
+        """Table for a terminal."""
         found = sum(one.found for one in self.tags.values())
         after = f"after {self.duration_s:.0f} s"
         title = f"{found} of {len(self.tags)} animals found {after}"
@@ -104,21 +104,21 @@ class SearchSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Among:
-    """Which of several drones that search together it is."""
+    """One of several drones that search together."""
 
     number: int
     ground_port: int
-    """Of the ground station that serves all."""
+    """Port of the common ground station."""
     start_ns: int
-    """When the world of all begins."""
+    """Start of the common world."""
 
     @property
     def height_m(self) -> float:
-        """Of its search."""
+        """Height of its search."""
         return FIRST_HEIGHT_M + ABOVE_M * (self.number - 1)
 
     def placed(self, scenario: Scenario) -> Scenario:
-        """Get the world with this drone's place to begin at."""
+        """The world with this drone's start place."""
         flight = replace(
             scenario.flight, east_m=BESIDE_M * (self.number - 1), height_m=self.height_m
         )
@@ -127,15 +127,15 @@ class Among:
 
 @dataclass(slots=True)
 class _Seen:
-    """What the drone side has told so far."""
+    """Reports of the drone side so far."""
 
     notes: list[SearchNote] = field(default_factory=list)
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
-    """With the time, while the search goes on."""
+    """With the time, during the search."""
     flight_directory: str = ""
     commands: int = 0
-    told: bool = False
-    """Its guide knows that there are others."""
+    has_others: bool = False
+    """True when its guide has received other drones' data."""
 
     @property
     def ended(self) -> bool:
@@ -146,10 +146,10 @@ class SearchDemo:
     """One search on this machine, by the real processes.
 
     `scenario`: the world, in which the drone hovers until it is commanded.
-    `limit_s`: the search lasts at most.
-    `flight_dir`: where the drone makes its flight directory.
-    `say`: takes a line for the person at the terminal.
-    `told`: makes the line of a note.
+    `limit_s`: longest duration of the search.
+    `flight_dir`: parent of the drone's flight directory.
+    `say`: takes a line for the terminal.
+    `describe`: makes the line of a note.
     `among`: it searches with others.
     """
 
@@ -160,22 +160,21 @@ class SearchDemo:
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
-        told: Callable[[SearchNote], str] = in_plain_words,
+        describe: Callable[[SearchNote], str] = in_plain_words,
         among: Among | None = None,
     ) -> None:
         self._among = among
         self.scenario = scenario
-        """The world."""
         self._limit_s, self._flight_dir = limit_s, flight_dir
-        self._say, self._told = say, told
+        self._say, self._describe = say, describe
         self._rig = Rig()
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
         """Fly once.
 
-        Raises `UavrtError`: a program ended by itself, or nothing was searched; the text says
-        why.
+        Raises `UavrtError`: a program ended, or nothing was searched; the text gives the
+        reason.
         """
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:
@@ -212,7 +211,7 @@ class SearchDemo:
     # ------------------------------------------------------------------ the search
 
     def _search(self) -> None:
-        """Order it once the drone is ready; then only watch."""
+        """Order the search once the drone is ready; then only watch."""
         self._wait_for_others()
         order = self._ordered()
         deadline_s = time.monotonic() + self._limit_s + RETURNS_WITHIN_S
@@ -226,9 +225,9 @@ class SearchDemo:
         order.stop()
 
     def _wait_for_others(self) -> None:
-        """One of several begins once the ground station has told it of the others."""
+        """Wait until the ground station has announced the other drones."""
         deadline_s = time.monotonic() + OTHERS_TIMEOUT_S
-        while self._among is not None and not self._seen.told:
+        while self._among is not None and not self._seen.has_others:
             self._watch()
             if time.monotonic() > deadline_s:
                 raise UavrtError(
@@ -237,7 +236,7 @@ class SearchDemo:
                 )
 
     def _ordered(self) -> Program:
-        """The order, asked for again until the drone has its position and its home."""
+        """The order, repeated until the drone has its position and its home."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         while True:
             order = self._rig.program(
@@ -262,7 +261,7 @@ class SearchDemo:
             match record:
                 case SearchNote():
                     self._seen.notes.append(record)
-                    self._say(self._told(record))
+                    self._say(self._describe(record))
                 case SystemStatus() if topic == "system_status":
                     self._take_status(record)
 
@@ -274,7 +273,7 @@ class SearchDemo:
                 count = int(one.counters.get("motion_commands_sent", 0.0))
                 seen.commands = max(seen.commands, count)
             if one.process == "guide":
-                seen.told |= one.counters.get("others_told", 0.0) > 0.0
+                seen.has_others |= one.counters.get("others_told", 0.0) > 0.0
             if one.process == "guide" and seen.notes and not seen.ended:
                 seen.guide.append((time.monotonic(), one))
 
@@ -282,7 +281,7 @@ class SearchDemo:
 
     @property
     def searched_ns(self) -> tuple[int, int]:
-        """When the search began and ended."""
+        """Start and end of the search."""
         return self._seen.notes[0].time_ns, self._seen.notes[-1].time_ns
 
     def _summary(self) -> SearchSummary:
@@ -306,25 +305,25 @@ class SearchDemo:
             flight_directory=seen.flight_directory,
         )
 
-    def _animal(self, told: SoughtTag) -> SoughtAnimal:
+    def _animal(self, sought: SoughtTag) -> SoughtAnimal:
         begun, last = self._seen.notes[0], self._seen.notes[-1]
-        name = next(tag.name for tag in self.scenario.tags if tag.tag_id == told.tag_id)
+        name = next(tag.name for tag in self.scenario.tags if tag.tag_id == sought.tag_id)
         then_ns = last.time_ns
-        if told.found_s is not None:
-            then_ns = begun.time_ns + ns_from_s(told.found_s)
+        if sought.found_s is not None:
+            then_ns = begun.time_ns + ns_from_s(sought.found_s)
         first, then = (
-            self.scenario.tag_position(told.tag_id, moment)
+            self.scenario.tag_position(sought.tag_id, moment)
             for moment in (begun.time_ns, then_ns)
         )
-        error = distance_m(told.latitude_deg, told.longitude_deg, *then)
+        error = distance_m(sought.latitude_deg, sought.longitude_deg, *then)
         return SoughtAnimal(
             name=name or "",
-            found=told.found_s is not None,
-            found_s=told.found_s,
-            error_m=None if told.found_s is None else round(error, 1),
-            radius95_m=round(told.radius95_m, 1),
+            found=sought.found_s is not None,
+            found_s=sought.found_s,
+            error_m=None if sought.found_s is None else round(error, 1),
+            radius95_m=round(sought.radius95_m, 1),
             walked_m=round(distance_m(*first, *then), 1),
-            pulses=told.pulses,
-            latitude_deg=told.latitude_deg,
-            longitude_deg=told.longitude_deg,
+            pulses=sought.pulses,
+            latitude_deg=sought.latitude_deg,
+            longitude_deg=sought.longitude_deg,
         )

@@ -1,4 +1,4 @@
-"""``uavrt demo --search --drones``: several simulated drones search together, by themselves."""
+"""``uavrt demo --search --drones``: several simulated drones search together, autonomously."""
 
 import math
 import threading
@@ -28,11 +28,11 @@ class TogetherSummary:
     apart_m: float
     """Least distance over ground of any two, while both searched."""
     duration_s: float
-    """Until the last of them had ended."""
+    """Time until the last of them had ended."""
 
     @property
     def found(self) -> set[str]:
-        """Animals that any has found."""
+        """Animals found by any drone."""
         return {
             tag
             for drone in self.drones.values()
@@ -42,20 +42,19 @@ class TogetherSummary:
 
     @property
     def complete(self) -> bool:
-        """Whether every animal was found."""
+        """True if every animal was found."""
         return self.found == {tag for drone in self.drones.values() for tag in drone.tags}
 
     def as_dict(self) -> dict[str, object]:
-        """Get it as plain values for JSON."""
+        """Plain values for JSON."""
         return asdict(self)
 
 
 class TogetherDemo:
     """One search of several drones on this machine, by the real processes.
 
-    `scenario`, `limit_s`, `say`: as of `SearchDemo`; each line begins with the drone's number.
-    `flight_dir`: each drone's flight directory is made below `drone-NUMBER` in it, the ground's
-    in `ground`.
+    `scenario`, `limit_s`, `say`: as in `SearchDemo`; each line begins with the drone's number.
+    `flight_dir`: parent of each drone's `drone-NUMBER`, and of the ground's `ground`.
     """
 
     def __init__(
@@ -120,7 +119,7 @@ class TogetherDemo:
             self._ended[number] = error
 
     def _apart_m(self, summaries: dict[str, SearchSummary]) -> float:
-        """By where the simulated vehicles were, not by what they told."""
+        """Least distance of the simulated vehicles' true places."""
         paths = {
             number: FlownPath(
                 Path(summaries[str(number)].flight_directory) / "flown.path",

@@ -1,8 +1,8 @@
-"""The demo's result: what was sent, heard, recorded on the drone and received on the ground.
+"""Result of the demo: pulses sent, detected, recorded on the drone and received on the ground.
 
 A true pulse counts as detected when the drone's recording holds a pulse of the same tag within
 `MATCH_TIME_S` and `MATCH_FREQUENCY_HZ`, and as delivered when the ground has that same record.
-Of a coded tag a burst is what a pulse is of others.
+For a coded tag a burst counts as a pulse.
 """
 
 import bisect
@@ -26,7 +26,7 @@ _ROUNDED_NS = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSummary:
-    """One tag's account over the time of detection."""
+    """Counts of one tag over the time of detection."""
 
     transmitted: int
     detectable: int
@@ -59,11 +59,11 @@ class DemoSummary:
     flight_directory: str
 
     def as_dict(self) -> dict[str, object]:
-        """Get it as plain values for JSON."""
+        """Plain values for JSON."""
         return asdict(self)
 
     def table(self) -> Table:
-        """Get it as a table for a terminal."""
+        """Table for a terminal."""
         table = table_of(
             *("tag", "sent", "found", "14 dB or more", "of them found", "on the ground"),
             *("false", "SNR bias", "freq. rms", "time rms"),
@@ -92,12 +92,12 @@ def summarize_tag(
     recorded: Sequence[Pulse],
     received_times_ns: Sequence[int],
 ) -> TagSummary:
-    """Account for one tag.
+    """Count the pulses of one tag.
 
     `truth`: all pulses of all tags that were sent while detecting.
     `recorded`: the drone's pulses, of any tag.
-    `received_times_ns`: start times of this tag's pulses as the ground has them [ns, UTC], any
-    order; the wire carries them with 0.3 µs.
+    `received_times_ns`: start times of this tag's pulses on the ground [ns, UTC], any order;
+    the wire has a resolution of 0.3 µs.
     """
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
     if tag.coded:
@@ -129,7 +129,7 @@ def summarize_tag(
 
 
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
-    """Make one of the pulses of each burst that was sent as a whole: its mean strength.
+    """Combine the pulses of each complete burst into one: its mean strength.
 
     `sent`: of one coded tag, in order of time.
     `pulses`: of a burst.
@@ -149,7 +149,7 @@ def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
 
 
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
-    """Pair each true pulse with the nearest found one that nobody else has.
+    """Pair each true pulse with the nearest unpaired found one.
 
     `found`: in order of time.
     """
@@ -174,7 +174,7 @@ def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TrueP
 
 
 def _is_in(times_ns: Sequence[int], time_ns: int) -> bool:
-    """Whether a sorted list holds a time, within the wire's rounding."""
+    """True if a sorted list contains a time, within the wire's rounding."""
     place = bisect.bisect_left(times_ns, time_ns - _ROUNDED_NS)
     return place < len(times_ns) and times_ns[place] <= time_ns + _ROUNDED_NS
 

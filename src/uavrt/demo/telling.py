@@ -1,4 +1,4 @@
-"""What a search decides, in words for whoever watches; its log has every figure."""
+"""Decisions of a search, in words for a person; its log has every figure."""
 
 import re
 
@@ -21,13 +21,13 @@ _DOES = ((r"^hold for", "wait"), (r"^turn by 360°.*", "turn once in place"))
 
 
 def in_plain_words(note: SearchNote) -> str:
-    """Tell a note in a line: when, what the drone does, and why."""
+    """Line for a note: time, action and reason."""
     minutes, seconds = divmod(round(note.elapsed_s), 60)
     return f"{minutes:2d}:{seconds:02d} {_words(note)}"
 
 
 def with_figures(note: SearchNote) -> str:
-    """Tell a note in a line as the search's own log has it."""
+    """Line for a note, as in the search's own log."""
     minutes, seconds = divmod(round(note.elapsed_s), 60)
     return f"{minutes:2d}:{seconds:02d} {note.text}: {note.reason}"
 
@@ -53,7 +53,7 @@ def _does(text: str) -> str:
 
 
 def _why(reason: str) -> str:
-    """The reason without its figures; empty for one that only figures tell."""
+    """The reason without its figures; empty if only figures remain."""
     for pattern, words in _WHY:
         if (found := re.search(pattern, reason)) is not None:
             return found.expand(words)

@@ -18,7 +18,7 @@ from uavrt.messages import Pulse, SystemStatus, Tag
 from uavrt.monitor.tables import plain_table
 
 RATE_WINDOW_S = 60.0
-"""Pulses per minute are counted over this much of the immediate past."""
+"""Window for the rate of pulses."""
 FRESH_S = 5.0
 WIDE = 100
 """Columns from which all is shown: a terminal of 80 has neither bars nor units in cells."""
@@ -26,12 +26,12 @@ WIDE = 100
 
 @dataclass(slots=True)
 class TagView:
-    """What is shown of one tag."""
+    """Displayed values of one tag."""
 
     tag: Tag
     last: Pulse | None = None
     times_s: deque[float] = field(default_factory=deque)
-    """When its pulses came, on the viewer's clock."""
+    """Arrival times of its pulses, on the viewer's clock."""
     detected: int = 0
     delivered: int = 0
 
@@ -43,7 +43,7 @@ class TagView:
             self.last = pulse
 
     def per_minute(self, now_s: float, running_s: float) -> float:
-        """Pulses per minute, lately."""
+        """Pulses per minute in the last `RATE_WINDOW_S`."""
         while self.times_s and self.times_s[0] < now_s - RATE_WINDOW_S:
             self.times_s.popleft()
         return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))
@@ -54,7 +54,7 @@ _SHORT = ("tag", "MHz", "SNR, dB", "rate, s", "a minute", "found", "ground")
 
 @dataclass(slots=True)
 class DemoView:
-    """The state shown; `render` draws it."""
+    """The displayed state; `render` draws it."""
 
     duration_s: float
     tags: dict[int, TagView]
@@ -65,10 +65,10 @@ class DemoView:
     flight_directory: str = ""
     page_address: str = ""
     ros_domain: int | None = None
-    """Where `ros2 topic list` sees the drone."""
+    """ROS domain of the drone, for `ros2 topic list`."""
 
     def render(self, now_s: float) -> RenderableType:
-        """Draw the view at an instant of the viewer's clock, as the terminal has room."""
+        """Draw the view at an instant of the viewer's clock, fitted to the terminal."""
         return _Drawn(self, now_s)
 
     def drawn(self, now_s: float, width: int) -> RenderableType:
@@ -182,7 +182,7 @@ class DemoView:
         return [name, *short]
 
     def _short_process_table(self) -> RenderableType:
-        """Two processes to a line; the state of those alone that are not well."""
+        """Two processes to a line; only states that are not good."""
         table = plain_table(*(2 * ("process", "CPU", "MB")))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         cells: list[list[RenderableType]] = []
@@ -220,7 +220,7 @@ class DemoView:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """The view at an instant, drawn once the room for it is known."""
+    """The view at an instant, drawn once its width is known."""
 
     view: DemoView
     now_s: float

@@ -15,7 +15,7 @@ RECEIVER = "receiver"
 
 
 def samples_lost(counters: Mapping[str, float]) -> int:
-    """Count the samples that a receiver lost, from the radio and on the way to detectors."""
+    """Count the samples lost by a receiver, from the radio and on the way to detectors."""
     names = ("samples_lost", "channel_samples_dropped")
     return int(sum(counters.get(name, 0.0) for name in names))
 
@@ -23,13 +23,13 @@ def samples_lost(counters: Mapping[str, float]) -> int:
 class Cpu:
     """CPU time of every process of the demo.
 
-    The simulated radio program is a child of the receiver, which the supervisor measures with
-    it; here the two are told apart.
+    The simulated radio program is a child of the receiver, and the supervisor measures both
+    together; here they are separated.
     """
 
     def __init__(self) -> None:
         self.first_sample_ns = self.last_sample_ns = 0
-        """Times of the flight's samples [ns, UTC]; a receiver counts its own alone."""
+        """Times of the flight's samples [ns, UTC]; a receiver counts only its own."""
         self._totals: dict[str, float] = {}
         self._radio_s = 0.0
         self._before: dict[str, float] = {}
@@ -76,6 +76,6 @@ class Cpu:
         return {name: round(total, 3) for name, total in self._totals.items()}
 
     def counters(self, process: str) -> dict[str, float]:
-        """Get what a process of the drone side has counted, as of its last word."""
+        """Last counters of a process of the drone side."""
         known = self._processes.get(process)
         return dict(known.counters) if known is not None else {}

@@ -1,7 +1,7 @@
-"""Where a demo keeps its files while it runs: swept when it ends, or by the next one.
+"""Temporary directory of a demo, removed at its end or by the next demo.
 
-A demo that was killed (SIGKILL, power cut) leaves its directory behind. Each holds a lock as
-long as its demo lives, whatever ends it; a directory whose lock can be taken is nobody's.
+A demo that was killed (SIGKILL, power cut) leaves its directory behind. A running demo holds a
+lock on its directory, so a directory whose lock is free is abandoned.
 """
 
 import fcntl
@@ -18,14 +18,14 @@ from uavrt.errors import UavrtError, UsageError
 PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
 _YOUNG_S = 60.0
-"""One that was made so lately may not have its lock yet."""
+"""Age below which a directory may not have its lock yet [s]."""
 
 
 @contextmanager
 def workplace(prefix: str) -> Iterator[Path]:
-    """Make a directory for a demo; it is gone afterwards, unless the demo failed.
+    """Make a directory for a demo; it is removed afterwards, unless the demo failed.
 
-    That of a demo that failed stays for its log files, until the next one begins.
+    That of a failed demo stays for its log files, until the next one begins.
 
     `prefix`: one of `PREFIXES`.
     """
@@ -44,7 +44,7 @@ def workplace(prefix: str) -> Iterator[Path]:
 
 
 def sweep(directory: Path) -> None:
-    """Remove what dead demos have left in a directory."""
+    """Remove the directories of dead demos."""
     for prefix in PREFIXES:
         for place in directory.glob(f"{prefix}*"):
             # Another user's, or one that ends just now.
@@ -67,7 +67,7 @@ def _is_left(place: Path) -> bool:
 
 
 def require_free_port(port: int | None) -> None:
-    """Refuse a port for the page that something else has, before anything is started.
+    """Check that the page's port is free, before anything is started.
 
     Raises `UsageError`: it is taken, or may not be used.
     """

@@ -1,4 +1,4 @@
-"""In which world the demo flies: the built-in one, or that of a scenario file."""
+"""World of the demo: the built-in one, or that of a scenario file."""
 
 import math
 from dataclasses import replace
@@ -11,24 +11,24 @@ from uavrt.simulation.scenario import Scenario
 from uavrt.simulation.scenario_file import load_scenario
 
 FLIGHT_S = 120.0
-"""Of the built-in world, unless told."""
+"""Default flight time in the built-in world."""
 SHORTEST_S = 20.0
-"""Of a scenario file's flight: until detection has begun some seconds are over."""
+"""Least flight time of a scenario file: detection takes some seconds to begin."""
 AFTER_S = 120.0
-"""A world that is searched lasts longer than the search, for the way home."""
+"""Time that a world lasts after a search, for the way home."""
 
 
 def flight_world(
     file: Path | None, *, duration_s: float | None, seed: int | None, coded: bool
 ) -> Scenario:
-    """Get the world for a flight along its own plan.
+    """World for a flight along its own plan.
 
     `file`: a scenario file.
     `duration_s`: of the flight; the file's, or 120 s, unless given.
     `seed`: of everything random; the file's, or 1, unless given.
     `coded`: the built-in world has two animals more, with coded tags.
-    Raises `UsageError`, `ConfigError`: the file has faults or nothing to listen for, or the
-    flight is too short.
+    Raises `UsageError`, `ConfigError`: the file has faults or no tags, or the flight is too
+    short.
     """
     if file is None:
         return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
@@ -45,9 +45,9 @@ def flight_world(
 def search_world(
     file: Path | None, *, limit_s: float, seed: int | None, coded: bool
 ) -> Scenario:
-    """Get the world for a search; as `flight_world`, but the drone is commanded.
+    """World for a search; as `flight_world`, but the drone is commanded.
 
-    `limit_s`: the search lasts at most.
+    `limit_s`: longest duration of the search.
     """
     if file is None:
         return search_scenario(1 if seed is None else seed, coded=coded)

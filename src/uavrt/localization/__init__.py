@@ -1,7 +1,8 @@
-"""From pulses to bearings, from bearings and powers to positions; no I/O, no clocks.
+"""Bearings from pulses, positions from bearings and powers; no I/O, no clocks.
 
 `bearing` and `position` hold the estimators, `antenna` the patterns, `results` the records.
-`flight_estimates` applies them to a whole flight, `survey_errors` says how far to trust them.
+`flight_estimates` applies them to a whole flight, `survey_errors` estimates errors that powers
+share.
 """
 
 from typing import TYPE_CHECKING

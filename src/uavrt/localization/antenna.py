@@ -1,8 +1,8 @@
-"""Antenna patterns: gain re boresight, by direction in the antenna's frame.
+"""Antenna patterns: gain relative to boresight, by direction in the antenna's frame.
 
 A pattern is a table of decibels from 0° to 180° off boresight, mirrored to the other side. The
-Telonics tables are read off the maker's plots (±1.5 dB), the Adelaide H antenna's are as
-measured and as theory has it.
+Telonics tables are read off the maker's plots (±1.5 dB); the Adelaide H antenna's are measured
+in one plane and theoretical in the other.
 """
 
 from collections.abc import Sequence
@@ -15,21 +15,21 @@ from uavrt.errors import UsageError
 from uavrt.plugins import Registry
 
 MONOPOLE = "monopole"
-"""An upright whip, which hears alike on all sides: it has no pattern to look around with."""
+"""An upright whip, which receives equally on all sides."""
 NULL_DB = -30.0
-"""No installed antenna has a deeper null: the airframe scatters."""
+"""Deepest null of an installed antenna: the airframe scatters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaPattern:
-    """Gain re boresight as a function of the angle off boresight."""
+    """Gain relative to boresight as a function of the angle off boresight."""
 
     name: str
     e_plane_db: tuple[float, ...]
-    """At equal steps from 0° to 180°, both included, in the plane of the elements, which is
-    horizontal on a level drone."""
+    """Gain at equal steps from 0° to 180°, both included, in the plane of the elements, which
+    is horizontal on a level drone."""
     h_plane_db: tuple[float, ...] | None = None
-    """The same across the elements; None takes the pattern as a figure of revolution."""
+    """The same across the elements; None: the same as in their plane."""
 
     def __post_init__(self) -> None:
         for table in (self.e_plane_db, self.h_plane_db):
@@ -40,7 +40,7 @@ class AntennaPattern:
                 )
 
     def gain_db(self, off_boresight_deg: ArrayLike) -> NDArray[np.float64]:
-        """Gain re boresight [dB] in the plane of the elements.
+        """Gain relative to boresight [dB] in the plane of the elements.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class AntennaPattern:
         right: NDArray[np.float64],
         down: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Gain re boresight [dB] towards unit directions in the antenna's frame.
+        """Gain relative to boresight [dB] towards unit directions in the antenna's frame.
 
         Between the two planes decibels are mixed by cos² of the angle about the boresight, the
         usual interpolation of two cuts.
@@ -75,7 +75,7 @@ class AntennaPattern:
 
 
 def _looked_up(table_db: Sequence[float], angle_deg: ArrayLike) -> NDArray[np.float64]:
-    """Linear interpolation in a mirrored 0–180° table, uniform steps: no search needed."""
+    """Linear interpolation in a mirrored 0–180° table of uniform steps."""
     folded = np.abs(np.remainder(np.asarray(angle_deg, np.float64) + 180.0, 360.0) - 180.0)
     table = np.asarray(table_db, np.float64)
     place = folded * ((len(table) - 1) / 180.0)
@@ -85,10 +85,10 @@ def _looked_up(table_db: Sequence[float], angle_deg: ArrayLike) -> NDArray[np.fl
 
 
 def _theory_h_plane(steps: int) -> tuple[float, ...]:
-    """Fall of the H antenna across its elements, "0 to -8.75 dB smoothly" (§1.5).
+    """Pattern of the H antenna across its elements, "0 to -8.75 dB smoothly" (§1.5).
 
-    Two half-wave elements, each omnidirectional in this plane, form a cardioid-like figure
-    (1 + c cos θ) / (1 + c); c = 0.4650 gives -8.75 dB at 180°.
+    Two half-wave elements, each omnidirectional in this plane, form a cardioid-like figure (1 +
+    c cos θ) / (1 + c); c = 0.4650 gives -8.75 dB at 180°.
     """
     ratio = 10.0 ** (-8.75 / 20.0)
     c = (1.0 - ratio) / (1.0 + ratio)
@@ -142,11 +142,13 @@ _OWN = {
     )
 }
 PATTERNS = Registry("uavrt.antennas", _OWN, AntennaPattern)
-"""Patterns by name, those that installed packages add included (docs/how-to/extend.md)."""
+"""Patterns by name, including those of installed packages (docs/how-to/extend.md)."""
 
 
 def monopole_gain_db(elevation_deg: ArrayLike) -> NDArray[np.float64]:
-    """Gain of an upright monopole re the horizon: 20 log10(cos elevation), -30 dB at least."""
+    """Gain of an upright monopole over that at the horizon: 20 log10(cos elevation), at least
+    -30 dB.
+    """
     cosine = np.abs(np.cos(np.radians(np.asarray(elevation_deg, np.float64))))
     return np.maximum(20.0 * np.log10(np.maximum(cosine, 1e-9)), NULL_DB)
 

@@ -1,4 +1,4 @@
-"""Values that a caller keeps from one estimate to the next, by all that they were made of."""
+"""Cache between estimates, keyed by all inputs of a value."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -11,15 +11,15 @@ T = TypeVar("T")
 
 
 class Cache:
-    """Keeps what the last estimate was made of, for a caller that estimates repeatedly.
+    """Cache for a caller that estimates repeatedly.
 
-    A value is made by a function of its inputs, and kept under both: no input can be missing
+    A value is made by a function of its inputs, and stored under both: no input can be missing
     from its key.
     """
 
     def __init__(self) -> None:
         self.more = False
-        """Whether the last estimate left something for the next one."""
+        """True if the last estimate left work for the next one."""
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
         self._left: dict[str, int] = {}
@@ -27,25 +27,24 @@ class Cache:
         self._made: dict[Hashable, int] = {}
 
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
-        """Begin an estimate; what the last one did not use is dropped.
+        """Begin an estimate; values that the last one did not use are dropped.
 
-        `at_once`: how many of each kind are made at most; the others keep their last value, and
-        those that have waited longest come first the next time. A kind that is missing has no
-        limit.
+        `at_once`: most new values of each kind; the others keep their last value, and the
+        oldest are renewed first the next time. A kind that is missing has no limit.
         """
         self._before, self._now = self._now, {}
         self._left, self.more = dict(at_once), False
 
     def get(self, make: Callable[..., T], *inputs: object, **named: object) -> T:
-        """Get what a function has made of these inputs, or make it."""
+        """Cached value of a function of these inputs; made if missing."""
         return self._get(_key(make, inputs, named), make, inputs, named)
 
     def latest(
         self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
     ) -> T | None:
-        """Get or make the value of a kind and a subject from its present inputs.
+        """Value of a kind and a subject from its present inputs, from the cache if possible.
 
-        Where no more are made in this estimate, the subject's last value; None if unknown.
+        Beyond the limit of this estimate, the subject's last value; None if unknown.
         """
         key = _key(make, inputs, {})
         if key not in self._now and key not in self._before:
@@ -60,7 +59,7 @@ class Cache:
         return found
 
     def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
-        """Numbers of subjects, those first whose value was made longest ago."""
+        """Numbers of subjects, oldest value first."""
         made = [self._made.get((kind, one), 0) for one in subjects]
         return sorted(range(len(subjects)), key=made.__getitem__)
 
@@ -85,7 +84,7 @@ def _key(
 
 
 def _content(value: object) -> Hashable:
-    """Everything that a value holds, the same for two that hold the same."""
+    """All content of a value; equal for values of equal content."""
     if isinstance(value, np.ndarray):
         return value.dtype.char, value.shape, value.tobytes()
     if isinstance(value, Mapping):

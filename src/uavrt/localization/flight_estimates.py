@@ -1,7 +1,6 @@
-"""The one estimator: from what was heard to turns, bearings, strengths and positions.
+"""The one estimator: turns, bearings, strengths and positions from pulses and poses.
 
-The drone, the page, the report, batch and the command line call it, so that all say the same
-of one flight.
+Drone, page, report, batch and command line all call it, so that they agree on a flight.
 """
 
 import math
@@ -39,38 +38,38 @@ from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 OWN_HEADING_SIGMA_DEG = 1.0
-"""Error of a turn's headings that the flight's other turns do not share, at the least."""
+"""Least error of a turn's headings that the flight's other turns do not share."""
 MISS_THRESHOLD_DB = 13.0
-"""SNR from which a pulse that a detector was following is not missed: three pulses of 11.4 dB
-are found with 90 % (docs/reference), the rest is room for losses."""
+"""SNR above which a detector that follows a tag misses no pulse: three pulses of 11.4 dB are
+found with 90 % (docs/reference), the rest is margin for losses."""
 NO_TIME = -1
-"""Time of a bearing that was noted without one [ns]; its tag is taken to rest."""
+"""Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
 LEAST_PULSES = 3
 LEAST_TURN_DEG = 45.0
-"""A turn that goes on counts from here on; one that is over, from 270°."""
+"""Least angle of a turn in progress; finished turns need 270°."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Pulses this long before and after a turn belong to it: the same place, the first heading."""
+"""Margin before and after a turn whose pulses belong to it: same place, first heading."""
 ONE_FLIGHT_S = 7200.0
-"""Bearings over a longer time are of several flights: the tag is taken to rest."""
+"""Bearings over a longer time are of several flights: the tag is assumed to rest."""
 OTHER_TAG_HZ = 10_000.0
-"""A crystal drifts by less, and logs with six digits round to as much: farther apart, one
-number is two tags."""
+"""Frequency difference beyond which one number is two tags: crystals drift by less, and logs
+with six digits round to as much."""
 LEAST_TURNS = 3
-"""Fewer do not teach a pattern."""
+"""Least number of turns to learn a pattern."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
 )
 _GOES_ON_NS = 10_000_000_000
-"""A turn whose end is this near to the last pose may go on."""
+"""A turn that ends this close to the last pose may still be in progress."""
 _WHOLE_DEG = 270.0
 _LEAST_TO_LEARN = 12
 _MOST_TURNS = 24
-"""More turns teach little, and cost."""
+"""Most turns used to learn a pattern; more improve it little."""
 _TICK_NS = 256
-"""Times are kept to it; see `Heard.of`."""
+"""Resolution of times; see `Heard.of`."""
 _LEAST_HEIGHT_M = 2.0
-"""The antenna over the tag: a drone that stands still hears with its feet."""
+"""Least height of the antenna over the tag."""
 _SURVEY_ALONE = "a survey by strength has a position of its own"
 
 _Floats = NDArray[np.float64]
@@ -78,24 +77,24 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadAs:
-    """How a flight or log is read."""
+    """Settings for reading a flight or log."""
 
     antenna: AntennaPattern | str | None = None
-    """Pattern, or its name; None: what the flight was set up with."""
+    """Pattern, or its name; None: the flight's own."""
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the pulses carry."""
     height_m: float | None = None
-    """With a monopole: over the tags, where the poses have no height."""
+    """With a monopole: height over the tags, where the poses have none."""
     heading_sigma_deg: float = HEADING_SIGMA_DEG
     """Error that all headings of a flight share, one standard deviation."""
     height_sigma_m: float = HEIGHT_SIGMA_M
     """With a monopole: error that all heights over a tag share, one standard deviation."""
     elevation: Elevation | None = None
-    """Heights of the ground, which weaken what is heard; None takes it as level."""
+    """Heights of the ground, for losses behind hills; None assumes level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True
-    """Correct the pattern by what whole turns show of it (``pattern_ml``)."""
+    """Correct the pattern by whole turns (``pattern_ml``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,67 +110,65 @@ class TagBearing:
     start_time_ns: int
     """Not after the first pulse."""
     middle_time_ns: int
-    """Between the first pulse and the last: when a tag that moves was there."""
+    """Between the first pulse and the last: the time for a moving tag."""
     end_time_ns: int
     """Not before the last pulse began."""
     heard: int = 0
-    """Pulses that were heard."""
     turn: Turn | None = None
-    """None where the turn is not known any more."""
+    """None where the turn is unknown."""
     number: int = 0
-    """Which of the flight's turns, from 0."""
+    """Number of the turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Which of the flights or logs that were read together, from 0; in a position, which
+    """Number of the flight or log that were read together, from 0; in a position, of the
     receiver."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPosition:
-    """A position of a tag, or why there is none."""
+    """A position of a tag, or the reason why there is none."""
 
     tag_id: int
     position: Position | None
     reason: str | None = None
-    """Why there is no position."""
     frequency_hz: float | None = None
-    """Median of what was heard, where logs with pulses were read."""
+    """Median of the pulses, where logs with pulses were read."""
     name: str | None = None
-    """In the list of the flights."""
+    """Name in the flights' tag lists."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """What one receiver has of its tags, for its own positions and those of others."""
+    """One receiver's results, for its own positions and those of others."""
 
     bearings: Sequence[TagBearing] = ()
     """In order of time and tag."""
     strengths: Mapping[int, Strengths] = field(default_factory=dict)
-    """Of tags that were heard and of which there is no bearing."""
+    """Strengths of tags that were heard and have no bearing."""
     heard: frozenset[int] = frozenset()
-    """Tags of which something was heard."""
+    """Tags with at least one pulse."""
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
-    """Of tags heard or listed: the same number may mean another animal elsewhere."""
+    """Frequencies of tags heard or listed: a number may mean another animal elsewhere."""
     pattern: AntennaPattern | None = None
-    """The antenna as the turns have shown it; None without a turn."""
+    """The antenna's pattern as corrected by the turns; None without a turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
-        """Those of one tag."""
+        """Bearings of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
     def knows(self, tag_id: int) -> bool:
-        """Whether it has a bearing or strengths of a tag, and does not only list it."""
+        """True if it has a bearing or strengths of a tag."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimated:
-    """All that follows from a flight."""
+    """All estimates of a flight."""
 
     found: Found
     positions: tuple[TagPosition, ...]
     tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
-    """Of a survey by strength: what each position rests on."""
+    """Tracks that positions by strength are based on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,29 +178,29 @@ class HeardInTurn:
     tag_id: int
     turn: Turn
     number: int
-    """Which of the flight's turns, from 0."""
+    """Number of the turn in the flight, from 0."""
     pulses: PulseColumns
     missed_yaw_deg: _Floats
-    """(m,) headings at pulses that must have come and were not heard."""
+    """(m,) headings at expected pulses that were not heard."""
 
     @property
     def whole(self) -> bool:
-        """Whether the turn has gone all the way round, or nearly."""
+        """True if the turn is complete, or nearly."""
         return abs(self.turn.turned_deg) >= _WHOLE_DEG
 
     @property
     def snr_db(self) -> _Floats:
-        """(n,) of the pulses."""
+        """(n,) SNR of the pulses."""
         return self.pulses.snr_db
 
     @property
     def subject(self) -> tuple[int, int]:
-        """Which tag and turn: the latter by its first pulse, as it grows while none comes."""
+        """Tag and turn; the turn by its first pulse, which stays the same as the turn grows."""
         return self.tag_id, int(self.pulses.time_ns[0])
 
 
 def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
-    """Find the turns of a flight, and the one that goes on, if any."""
+    """Turns of a flight, including one in progress."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
         return []  # what flew before is not among these poses any more
     every = find_turns(
@@ -224,7 +221,7 @@ def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[
 
 
 def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
-    """What was heard of each tag in each turn in place, in order of time and tag.
+    """Pulses of each tag in each turn in place, in order of time and tag.
 
     Three pulses at least. The antenna is turned by an offset clockwise from the heading that
     the pulses carry.
@@ -280,10 +277,9 @@ def _missed_yaws_deg(
     turn: Turn,
     rhythm: Rhythm | None,
 ) -> _Floats:
-    """Headings of the antenna at pulses that must have come during a turn and were not heard.
+    """Headings of the antenna at expected pulses of a turn that were not heard.
 
-    The heading is the vehicle's, plus what the antenna's differed from it at the pulses heard
-    about then.
+    The heading is the vehicle's, plus the antenna's offset from it at the nearest heard pulses.
     """
     times = pulses.missed_ns(rhythm)
     inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
@@ -340,7 +336,7 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
 
 
 def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
-    """Choose the turns that a pattern is learnt from: whole ones with many pulses."""
+    """Turns that a pattern is learnt from: whole ones with many pulses."""
     whole = [one for one in heard if one.whole and len(one.snr_db) >= _LEAST_TO_LEARN]
     return whole[:_MOST_TURNS]
 
@@ -348,7 +344,7 @@ def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
 def antenna_as_shown(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
-    """Correct a pattern by what whole turns have shown; as it is, where they are too few."""
+    """Correct a pattern by whole turns; unchanged where they are too few."""
     whole = teaching(heard)
     pattern = pattern_named(antenna)
     if len(whole) < LEAST_TURNS:
@@ -371,7 +367,7 @@ def antenna_as_shown(
 
 
 def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
-    """The antenna that was asked for, else the one that it was heard with."""
+    """The requested antenna, else the one that it was heard with."""
     return heard.antenna if how.antenna is None else how.antenna
 
 
@@ -382,9 +378,9 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """The antenna as the turns of a flight have shown it, and those of `past` ones.
+    """The antenna's pattern as learnt from the turns of a flight, and `past` ones.
 
-    A turn that goes on teaches when it is over: each of its pulses would change all bearings.
+    A turn in progress is left out: each of its pulses would change all bearings.
     """
     antenna = antenna_of(heard, how)
     if not (how.learn and how.bearing_method == "pattern_ml" and turns):
@@ -404,10 +400,10 @@ def bearings_of(
 ) -> list[TagBearing]:
     """One bearing for each tag and each turn in place, in order of time and tag.
 
-    Pulses that a known interval says must have come, and that were not heard, count as misses.
+    Pulses that are expected by a known interval, and were not heard, count as misses.
 
-    `past`: turns of other flights, which teach the pattern too.
-    `cache`: of a caller that asks again.
+    `past`: turns of other flights, for learning the pattern.
+    `cache`: for repeated calls.
     Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
     """
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
@@ -430,7 +426,7 @@ def _bearings(
 def _tag_bearing(
     one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
 ) -> TagBearing | None:
-    """The bearing from the pulses that have arrived, or from fewer where that one must wait."""
+    """Bearing from all pulses, or the last one where the cache defers its update."""
     made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
     known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
     return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
@@ -443,10 +439,10 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Take bearings, and strengths of tags without one.
+    """Bearings, and strengths of tags without one.
 
-    A bearing of `theirs`, which came from the drone, stands where it knows of more pulses of
-    its turn than have arrived. See `bearings_of`.
+    A bearing of `theirs`, from the drone, replaces ours when it used more pulses of its turn.
+    See `bearings_of`.
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
@@ -459,7 +455,7 @@ def find(
 def found_of(
     heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
 ) -> Found:
-    """Add to a receiver's bearings the strengths of the tags without one."""
+    """Add the strengths of tags without bearings to a receiver's bearings."""
     cache = cache or Cache()
     turned = {
         one.tag_id
@@ -493,13 +489,13 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
 
 
 def _turns(pulses: PulseColumns) -> bool:
-    """Whether a bearing without a clear direction comes of a turn, not of one heading."""
+    """True if a bearing without a clear direction is of a turn, not of one heading."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
     return float(np.ptp(yaw)) >= LEAST_TURN_DEG
 
 
 def _with_theirs(own: Sequence[TagBearing], theirs: Sequence[TagBearing]) -> list[TagBearing]:
-    """Put the drone's bearings in place of ours that know less, in order of time."""
+    """Replace our bearings by the drone's where it used more pulses, in order of time."""
     found = list(own)
     turns = 1 + max((one.number for one in own), default=-1)
     for one in theirs:
@@ -534,15 +530,15 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    `past`: turns of past flights, which teach the antenna's pattern too.
-    `theirs`: bearings that the drone itself estimated.
-    `others`: what other receivers have of the tags; it goes into the positions where a number
-    means a tag of the same frequency.
-    `cache`: of a caller that estimates again: what has not changed is kept.
-    `at_once`: how many of each ``"bearing"``, ``"position"`` and ``"survey"`` are computed at
-    most; see `Cache.begin`.
-    Raises `UsageError`: a method or the antenna is unknown, or the method cannot use what was
-    heard.
+    `past`: turns of past flights, for learning the antenna's pattern.
+    `theirs`: bearings estimated on the drone.
+    `others`: results of other receivers, used in positions where a number means a tag of the
+    same frequency.
+    `cache`: for repeated calls: unchanged results are kept.
+    `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
+    `Cache.begin`.
+    Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
+    pulses.
     """
     how, cache = how or ReadAs(), cache or Cache()
     cache.begin(at_once)
@@ -575,7 +571,7 @@ def estimate(
 
 
 def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
-    """The ground; what was computed of it stays while the take-off does."""
+    """The ground; cached losses remain while the take-off stays the same."""
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
@@ -585,9 +581,10 @@ def place(
     over: OverGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """One position for each tag of which there are bearings, or that the first receiver heard.
+    """One position for each tag with bearings, or heard by the first receiver.
 
-    Bearings without a direction are left out; strengths of receivers that did not turn go in.
+    Bearings without a direction are left out; strengths of receivers that did not turn are
+    used.
     """
     how, cache = how or ReadAs(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
@@ -600,7 +597,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Those to whom the number means the same tag as to the first that knows its frequency."""
+    """Receivers for which the number is the same tag as for the first with its frequency."""
     knows = [*found[:1], *(each for each in found[1:] if each.knows(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in knows if tag_id in each.frequencies_hz]
     if not hz:
@@ -640,7 +637,7 @@ def _stations(
 ) -> Stations:
     """Put a tag's bearings, in order of time, into columns.
 
-    Raises `UsageError`: None of them has a direction.
+    Raises `UsageError`: none of them has a direction.
     """
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
@@ -668,11 +665,10 @@ def _position_of(
     heading_sigma_deg: float,
     hills: HillLosses | None,
 ) -> TagPosition:
-    """Estimate where a tag is; one whose bearings contradict a place that rests is followed.
+    """Estimate a tag's position; if its bearings contradict a fixed place, also its path.
 
-    With the ground, levels are compared by what hills take from them. What receivers heard that
-    never turned goes in as strengths, to the method ``bayes``; the position says what became of
-    each.
+    With the ground, levels are corrected for hills. Strengths of receivers that never turned
+    are used by the method ``bayes``; the position states the use of each.
     """
     try:
         found = estimate_position(
@@ -786,7 +782,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
 
 
 def stands(heard: Heard) -> bool:
-    """Whether all was heard at one place, which makes no survey by strength."""
+    """True if all was heard at one place, which makes no survey by strength."""
     own = heard.pulses.values()
     if not own:
         return False

@@ -1,4 +1,4 @@
-"""Where the antenna's axes point, for many attitudes at once."""
+"""Directions of the antenna's axes, for many attitudes at once."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from uavrt.localization.antenna import AntennaPattern
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Headings:
-    """How the antenna pointed at each pulse."""
+    """Directions of the antenna at each pulse."""
 
     yaw_deg: NDArray[np.float64]
     """(n,) boresight over ground, clockwise from true north."""
@@ -20,12 +20,12 @@ class Headings:
 
     @classmethod
     def level(cls, yaw_deg: ArrayLike) -> "Headings":
-        """Make the headings of a level antenna."""
+        """Headings of a level antenna."""
         return cls(yaw_deg=np.atleast_1d(np.asarray(yaw_deg, np.float64)))
 
     @classmethod
     def from_quaternions(cls, quaternion_wxyz: ArrayLike) -> "Headings":
-        """Make headings from attitudes.
+        """Headings from attitudes.
 
         `quaternion_wxyz` (n, 4): antenna frame (forward, right, down) to north-east-down, any
         length but zero.
@@ -47,7 +47,7 @@ class Headings:
     def gain_db(
         self, pattern: AntennaPattern, bearing_deg: NDArray[np.float64], elevation_deg: float
     ) -> NDArray[np.float64]:
-        """Gain (n, b) [dB re boresight] towards bearings (b,) at one elevation.
+        """Gain (n, b) [dB relative to boresight] towards bearings (b,) at one elevation.
 
         `bearing_deg` (b,): directions over ground.
         `elevation_deg`: elevation of the tag seen from the drone, negative below it.

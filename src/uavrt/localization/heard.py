@@ -1,4 +1,4 @@
-"""Columns of pulses and poses: what a flight, a log or live arrays are estimated from."""
+"""Columns of pulses and poses: input of the estimates, from a flight, a log or live data."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -16,11 +16,12 @@ from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 POSE_STEP_NS = 180_000_000
-"""Poses closer than this add nothing to a turn."""
+"""Least time between poses; closer ones add nothing to a turn."""
 POSE_GAP_NS = 2_000_000_000
-"""Telemetry comes several times a second; this far from it, a pulse's own pose stands."""
+"""Distance in time beyond which a pulse's own pose is used; telemetry comes several times a
+second."""
 MOST_MISSED = 100_000
-"""Pulses of one tag that may be missing in a flight: a day of them."""
+"""Most missed pulses of one tag in a flight: a day of them."""
 APART_M = 20.0
 """Least difference that is reported between heights of a flight and of elevation files."""
 LEAST_TAG_HZ = 1e6
@@ -28,17 +29,17 @@ LEAST_TAG_HZ = 1e6
 _ON_GROUND_M = 5.0
 """Poses that begin higher do not show where the take-off was."""
 _IN_PLACE_M = 30.0
-"""A log whose pulses are no farther from their median place is of one place."""
+"""Largest distance of pulses from their median place in a log of one place."""
 _HILLS_DIGITS = 4
-"""Losses behind hills are computed at frequencies rounded to 10 kHz, which changes nothing but
-lets a live flight keep them."""
+"""Digits of frequencies for losses behind hills: rounding to 10 kHz is negligible, and lets a
+live flight reuse them."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseColumns:
-    """Where the vehicle was, in order of time."""
+    """Places of the vehicle, in order of time."""
 
     time_ns: NDArray[np.int64]
     latitude_deg: _Floats
@@ -46,7 +47,6 @@ class PoseColumns:
     height_m: _Floats
     """(n,) above the take-off; NaN where unknown."""
     quaternion_wxyz: _Floats
-    """(n, 4)."""
     altitude_amsl_m: _Floats | None = None
     """(n,) above sea level, NaN where unknown; separates flight from ground where `height_m` is
     unknown."""
@@ -58,7 +58,7 @@ class PoseColumns:
     def of(
         cls, poses: Iterable[Pose], on_ground_ns: tuple[tuple[int, int], ...] = ()
     ) -> "PoseColumns":
-        """Put poses into columns, each time once, in order."""
+        """Put poses into columns, in order, one for each time."""
         by_time = {pose.time_ns: pose for pose in poses}
         ordered = [by_time[time] for time in sorted(by_time)]
         return cls(
@@ -72,10 +72,10 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add poses of others, such as the pulses' own, at times without poses here.
+        """Add other poses, such as the pulses' own, at times without poses here.
 
-        Telemetry that a silent radio has lost never comes; the pulses of that time do. Both
-        may be out of order; each time stands once.
+        This covers times of a failed telemetry link. Both may be out of order; the result has
+        one pose for each time.
         """
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
         time_ns = np.concatenate([self.time_ns, others.time_ns[alone]])
@@ -115,7 +115,7 @@ class PoseColumns:
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights that part flight from ground: above the take-off, else the lowest."""
+        """(n,) heights to separate flight from ground: above the take-off, else the lowest."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
@@ -131,7 +131,7 @@ class PoseColumns:
 
     @property
     def on_ground(self) -> NDArray[np.bool_]:
-        """(n,) what the autopilot says was not flown."""
+        """(n,) True where the autopilot reports to be on the ground."""
         found = np.zeros(len(self.time_ns), bool)
         for first, last in self.on_ground_ns:
             found |= (self.time_ns >= first) & (self.time_ns <= last)
@@ -139,7 +139,7 @@ class PoseColumns:
 
     @property
     def leaves_ground(self) -> bool:
-        """Whether some of it was flown, and some of it not, by heights or autopilot."""
+        """True if it was partly flown and partly not, by heights or autopilot."""
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
         climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
@@ -156,7 +156,7 @@ class PulseColumns:
     """Pulses that have a pose and a power, in order of time."""
 
     time_ns: NDArray[np.int64]
-    """(n,) beginnings."""
+    """(n,) starts."""
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
@@ -168,13 +168,13 @@ class PulseColumns:
     """(n,) NaN where unknown."""
     frequency_hz: _Floats
     rate: NDArray[np.int64]
-    """(n,) which of the tag's intervals, from 1."""
+    """(n,) number of the tag's interval, from 1."""
     altitude_amsl_m: _Floats
     """(n,) of the antenna above sea level; NaN where unknown."""
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
-        """Put pulses into columns as they come; those without a pose are left out."""
+        """Put pulses into columns in their order; those without a pose are left out."""
         posed = [(one.pulse, one.pose) for one in pulse_poses if one.pose is not None]
         poses = [pose for _, pose in posed]
         return cls(
@@ -208,7 +208,7 @@ class PulseColumns:
 
     @property
     def poses(self) -> PoseColumns:
-        """Where the antenna was at each pulse."""
+        """The antenna's poses at the pulses."""
         return PoseColumns(
             time_ns=self.time_ns,
             latitude_deg=self.latitude_deg,
@@ -219,10 +219,10 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times at which a pulse must have come between two heard ones, and was not heard.
+        """Times of expected pulses between two heard ones that were not heard.
 
-        Between two whose distance is a multiple of the tag's interval. A gap with more than
-        `MOST_MISSED` of them is a jump of a clock.
+        They are computed between two pulses whose distance is a multiple of the tag's interval.
+        A gap with more than `MOST_MISSED` of them is a jump of a clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -251,7 +251,7 @@ class PulseColumns:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OverGround:
-    """A flight over ground that is known."""
+    """A flight over known ground."""
 
     hills: HillLosses
     poses: PoseColumns
@@ -263,10 +263,10 @@ class OverGround:
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
     ) -> "OverGround | None":
-        """Lay the ground around a flight; None where no pose has a place and a height.
+        """Ground model around a flight; None where no pose has a place and a height.
 
-        Heights of a flight count from its take-off, taken to be beneath the first pose. A
-        caller that keeps the ground of the last call gives a `lay` that returns it.
+        Heights of a flight count from its take-off, assumed beneath the first pose. A caller
+        can cache the ground by a `lay` that returns that of the last call.
 
         Raises `FormatError`: a file of heights is damaged.
         """
@@ -290,11 +290,11 @@ class OverGround:
         return cls(hills=hills.noting(*said), poses=poses)
 
     def noting(self, *limitations: str) -> "OverGround":
-        """The same with more that an operator must know."""
+        """The same with more limitations."""
         return replace(self, hills=self.hills.noting(*limitations))
 
     def at(self, frequency_hz: float) -> "OverGround":
-        """The same for a tag."""
+        """The same for a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
     def heights_m(self, time_ns: Sequence[int]) -> _Floats:
@@ -303,7 +303,7 @@ class OverGround:
 
 
 def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """A remark where elevation files and flight disagree on the take-off's height."""
+    """Remark where elevation files and flight disagree on the take-off's height."""
     if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
         return ()
     return (
@@ -315,19 +315,19 @@ def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
-    """When a tag's pulses must come."""
+    """A tag's expected pulse times."""
 
     intervals_s: tuple[float, ...]
     uncertainty_s: float
 
     @classmethod
     def of(cls, tag: Tag) -> "Rhythm":
-        """When a listed tag's pulses must come."""
+        """Expected pulse times of a listed tag."""
         return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) which times are farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
+    """(n,) mask of times farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
@@ -338,22 +338,22 @@ def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArr
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Heard:
-    """What one receiver heard in a flight or log, in columns: read once, whoever estimates."""
+    """One receiver's pulses and poses in a flight or log, in columns."""
 
     pulses: Mapping[int, PulseColumns]
     """Of each tag."""
     poses: PoseColumns
-    """Of the vehicle, and the pulses' own where no others are; `POSE_STEP_NS` apart."""
+    """Poses of the vehicle, and the pulses' own in gaps; `POSE_STEP_NS` apart."""
     tags: tuple[Tag, ...] = ()
-    """As they were listed; empty for a log."""
+    """Listed tags; empty for a log."""
     antenna: str = "RA-23K"
-    """Name of the pattern that it was heard with, where `ReadAs` names no other."""
+    """Name of the receiving antenna's pattern, unless `ReadAs` names another."""
     name: str = "this vehicle"
-    """The receiver, for the operator."""
+    """Name of the receiver, for the operator."""
     one_turn: bool = False
-    """A log heard at one place, without a climb: one turn, as the original takes it."""
+    """A log at one place, without a climb, counts as one turn, as in the original."""
     goes_on: bool = False
-    """More may come: a turn teaches the pattern when it is over."""
+    """True while data may still arrive: a turn is used for the pattern when it is complete."""
 
     @classmethod
     def of(
@@ -373,7 +373,7 @@ class Heard:
 
         `tag_id` (n,): tag of each pulse.
         `pulses`: in any order.
-        `poses`: of the vehicle, in any order; None of a log, which has the pulses' own only.
+        `poses`: of the vehicle, in any order; None for a log, which has only the pulses' own.
         `tags`, `antenna`, `name`, `goes_on`: as the fields.
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
@@ -434,11 +434,11 @@ class Heard:
         )
 
     def rhythm(self, tag_id: int) -> "Rhythm | None":
-        """When a tag's pulses must come; None for one that is not listed."""
+        """Expected pulse times of a tag; None for one that is not listed."""
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":
-        """The same with other numbers of the tags."""
+        """The same with other tag numbers."""
         return replace(
             self,
             pulses={keys.get(tag_id, tag_id): own for tag_id, own in self.pulses.items()},
@@ -448,7 +448,7 @@ class Heard:
         )
 
     def and_those(self, other: "Heard") -> "Heard":
-        """What both heard, as if one had flown both flights."""
+        """Pulses and poses of both, as of one flight."""
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
             pulses[tag_id] = pulses[tag_id].and_those(own) if tag_id in pulses else own
@@ -463,7 +463,7 @@ class Heard:
 
     @property
     def frequencies_hz(self) -> dict[int, float]:
-        """Median of each tag as it was heard; of one that was not, as it is listed."""
+        """Median frequency of each tag's pulses; for a tag without pulses, the listed one."""
         found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
         for tag_id, own in self.pulses.items():
             known_hz = own.frequency_hz[own.frequency_hz >= LEAST_TAG_HZ]
@@ -474,7 +474,7 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> OverGround | None:
-        """The ground under it, with losses at the median frequency of the pulses.
+        """Ground under the flight, with losses at the median frequency of the pulses.
 
         Raises `FormatError`: a file of heights is damaged.
         """
@@ -492,7 +492,7 @@ def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _thinned(poses: PoseColumns) -> PoseColumns:
-    """The first pose of each step: closer ones add nothing to a turn."""
+    """First pose of each step of `POSE_STEP_NS`."""
     if not len(poses.time_ns):
         return poses
     slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS

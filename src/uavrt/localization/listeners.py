@@ -1,4 +1,4 @@
-"""From one receiver's pulses outside of turns to levels at the places where it stood."""
+"""Levels at a receiver's standing places, from its pulses outside of turns."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -19,9 +19,10 @@ _ONE_PLACE_M = 20.0
 _ONE_HEADING_DEG = 20.0
 _LEAST_PULSES = 3
 _MOST_PLACES = 24
-"""Of one receiver, those with the most pulses: all its places share one unknown gain."""
+"""Most places of one receiver, those with the most pulses: all share one unknown gain."""
 _HEARD_SHARE = 0.5
-"""A receiver that missed more of a tag's pulses heard the strong ones alone."""
+"""Least share of a tag's pulses that a receiver must have heard; else it heard only strong
+ones."""
 
 
 def strengths_of(
@@ -32,16 +33,14 @@ def strengths_of(
     antenna: AntennaPattern | str,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Put a tag's pulses into levels, one for each place and heading.
+    """Convert a tag's pulses to levels, one for each place and heading.
 
-    `listener`: whose they are, for the operator.
+    `listener`: name of the receiver, for the operator.
     `pulses`: of one tag, in order of time.
     `height_m` (n,): of the vehicle above the take-off at each pulse.
-    `on_ground_ns`: when its autopilot says that it stood on the ground: pulses of then are left
-    out.
+    `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are left out.
     `antenna`: the pattern; a monopole's name for an upright monopole.
-    `rhythm`: with it, pulses that must have come and were not heard count as weaker than those
-    that were.
+    `rhythm`: with it, expected pulses that were not heard count as weaker than those that were.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)
@@ -68,7 +67,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Which pulses were not heard on the ground, as the autopilot reports; a mast has none."""
+    """Mask of pulses not heard on the ground, as the autopilot reports; all for a mast."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -94,7 +93,7 @@ def _standing(
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """How many pulses a tag sent while these were heard; as many, for an unknown interval."""
+    """Number of pulses that a tag sent during these; equal for an unknown interval."""
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND
@@ -116,7 +115,7 @@ def _levels(
     why: str | None,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Take the medians of each part, pulses that were missed being its weakest."""
+    """Median level of each part; missed pulses count as its weakest."""
 
     def medians(values: _Floats) -> _Floats:
         return np.array([float(np.median(values[part])) for part in parts], np.float64)

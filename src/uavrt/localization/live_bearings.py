@@ -1,8 +1,8 @@
 """Bearings of turns in progress, from pulses and poses as they arrive.
 
-The one estimator, called again when a turn has a new pulse: from the third pulse on, with a
-wide interval while little of the turn is done. The ground station does the same with what
-reaches it; this is the stage that the drone runs when its table has the `estimator`.
+The one estimator is called again for each new pulse of a turn: from the third pulse on, with a
+wide interval while little of the turn is done. The ground station does the same with received
+data; this stage runs on the drone when its table has the `estimator`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,16 +20,16 @@ from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.on_ground import GroundStates
 
 _KEPT_NS = 900_000_000_000
-"""A turn is over after a quarter of an hour at most; older poses and pulses are dropped."""
+"""Longest duration of a turn [ns]; older poses and pulses are dropped."""
 _LEVEL_SIGMA_DB = 1.0
-"""Of a bearing that came from the drone, whose message does not hold it."""
+"""Level error of a bearing from the drone, whose message does not contain it."""
 
 
 class LiveBearings:
-    """Takes poses and pulses, gives the bearings that have changed.
+    """Converts poses and pulses into the bearings that have changed.
 
-    `antenna`: the pattern, or its name; corrected by what whole turns show of it.
-    `tags`: listed tags: their pulses that must have come and were not heard count too.
+    `antenna`: the pattern, or its name; corrected by whole turns.
+    `tags`: listed tags: their expected pulses that were not heard count as misses.
     Raises `UsageError`: there is no such antenna.
     """
 
@@ -66,22 +66,22 @@ class LiveBearings:
             self._pulses = [one for one in self._pulses if one.pulse.start_time_ns >= after_ns]
 
     def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
-        """Add what the autopilot says of arming and landing; 0 is no, None unknown.
+        """Add the autopilot's arming and landing state; 0 is no, None unknown.
 
-        What is turned on the ground is no turn, wherever the barometer has drifted to.
+        Rotations on the ground are no turns, whatever the barometer shows.
         """
         self._states.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
-        """Add a pulse; one without a pose has no direction."""
+        """Add a pulse; one without a pose is ignored."""
         if one.pose is not None:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Estimate what is new since the last call; some milliseconds for each.
+        """Estimate changed bearings since the last call; some milliseconds for each.
 
-        New are pulses in a turn, also those that were missed there; and what a turn that is
-        over shows of the antenna, by which all bearings are corrected.
+        A bearing changes by new pulses or misses in its turn. All change when a finished turn
+        corrects the antenna's pattern.
         """
         if not self._pulses:
             return []
@@ -122,7 +122,7 @@ def _live(one: TagBearing, turn: Turn) -> LiveBearing:
 
 
 def bearing_from_drone(one: LiveBearing) -> TagBearing:
-    """A drone's message as if estimated here; its posterior is taken as von Mises."""
+    """Convert a drone's message to a bearing; its posterior is assumed von Mises."""
     return TagBearing(
         tag_id=one.tag_id,
         bearing=Bearing(

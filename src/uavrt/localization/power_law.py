@@ -1,4 +1,4 @@
-"""How probable a measured pulse power is, given the power that was sent our way.
+"""Probability of a measured pulse power, given the power that reached the receiver.
 
 The measured power is the matched filter's output over the noise power, mean S + 1 for a pulse
 of energy S over the noise density. Without fading it has a noncentral chi-square law with two
@@ -16,11 +16,11 @@ from uavrt.lean_scipy import fft, special
 
 LEVEL_STEP_DB = 0.25
 LOWEST_LEVEL_DB = -30.0
-"""Below this a pulse adds a thousandth of the noise: no need to tell levels apart."""
+"""Lowest level of the tables: a pulse below adds a thousandth of the noise."""
 FADINGS_DB = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
-"""Standard deviations of fading that are weighed against each other."""
+"""Possible standard deviations of fading."""
 OUTLIER_SHARE = 0.01
-"""Share of pulses that may have any power (interference, a turn of the animal)."""
+"""Share of pulses of any power (interference, a turn of the animal)."""
 _NARROW = 1000.0
 """From this sum on (30 dB) the law is Gaussian in decibel to 1 %, and narrower than a step."""
 _TINY = 1e-300
@@ -69,11 +69,11 @@ def power_tables(
 
     `matched_power` (n,): mean power of the pulses at their known time, over the noise power;
     noise included.
-    `missed_below` (m,): power under which each missed pulse must have been to be missed.
+    `missed_below` (m,): upper limit of each missed pulse's power.
     `folds`: pulses summed for each value.
     `fadings_db`: standard deviations of the fading, one table each.
-    `spread_db`: how far below the strongest level the antenna's back may be.
-    Returns: n + m rows. Each law is mixed with `OUTLIER_SHARE` of one that knows no level.
+    `spread_db`: largest ratio of the antenna's gain, front to back.
+    Returns: n + m rows. Each law is mixed with `OUTLIER_SHARE` of one independent of the level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)

@@ -25,10 +25,10 @@ class Bearing:
     """Direction to a tag from one place, degrees clockwise from true north, [0, 360)."""
 
     bearing_deg: float
-    """Mean of the main lobe of the probability; of other methods, their answer."""
+    """Mean of the main lobe of the probability; of other methods, their result."""
     method: BearingMethod | ArrayMethod | str
     pulses: int
-    """Pulses and misses that went into it."""
+    """Number of pulses and misses used."""
     sigma_deg: float | None = None
     """Standard deviation inside the main lobe; None when the method has no statistics."""
     interval90_deg: tuple[float, float] | None = None
@@ -41,7 +41,7 @@ class Bearing:
     reduced_chi2: float | None = None
     """Misfit of the powers to pattern and fading; about 1 for an honest model."""
     multipath_suspected: bool = False
-    """The residuals hang together over heading, or two paths explain the powers much better:
+    """The residuals are correlated over heading, or two paths explain the powers much better:
     there is a reflection, or the pattern is not this antenna's."""
     paths_deg: tuple[float, float] | None = None
     """Directions of the two paths when they are suspected, the stronger first; either may be
@@ -52,18 +52,18 @@ class Bearing:
     """SNR that a pulse has on boresight, estimated."""
     level_sigma_db: float | None = None
     confidence: float | None = None
-    """What the method itself calls confidence: tau of PCA, Pearson's correlation …"""
+    """The method's own confidence: tau of PCA, Pearson's correlation …"""
     posterior: NDArray[np.float64] | None = None
-    """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. What trackers consume."""
+    """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. Input of trackers."""
 
     @property
     def accepted(self) -> bool:
-        """Whether there is a direction in the data at all; methods without evidence say yes."""
+        """True if the data show a direction; always true for methods without evidence."""
         return self.evidence is None or self.evidence >= ACCEPTED_EVIDENCE
 
     @property
     def ambiguous(self) -> bool:
-        """Whether another direction fits nearly as well, or a reflection is likely."""
+        """True if another direction fits nearly as well, or a reflection is likely."""
         second = self.second_lobe_probability
         return self.multipath_suspected or (
             second is not None and second >= BIMODAL_PROBABILITY
@@ -71,7 +71,7 @@ class Bearing:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What an operator must know beside the arc; empty where the direction is clear."""
+        """Remarks for the operator besides the arc; empty where the direction is clear."""
         if not self.accepted:
             return ("there is no clear direction",)
         if self.multipath_suspected:
@@ -80,8 +80,8 @@ class Bearing:
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
-"""``track`` follows an animal that moves. ``mle``, ``rmr`` and ``mest`` are as the original
-system computes them; ``rmr_ahead`` and ``mest_lenth`` as they were meant."""
+"""``track`` follows a moving animal. ``mle``, ``rmr`` and ``mest`` are as the original system
+computes them; ``rmr_ahead`` and ``mest_lenth`` are the corrected forms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -101,7 +101,7 @@ class PositionGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ellipse:
-    """Where a tag is with 95 % probability, were its law normal."""
+    """Ellipse that holds a tag with 95 % probability under a normal law."""
 
     semi_major_m: float
     semi_minor_m: float
@@ -111,7 +111,7 @@ class Ellipse:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caution:
-    """Something that makes a position less sure than its circles say, by name."""
+    """A named reason why a position is less certain than its circles."""
 
     name: Literal[
         "compass",
@@ -124,15 +124,14 @@ class Caution:
         "ground",
     ]
     text: str
-    """For the operator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackPoint:
-    """Where a tag that moves was at a time, by all that the flight holds."""
+    """Place of a moving tag at a time, by all data of the flight."""
 
     time_ns: int
-    """UTC; from the first of what was heard where that is unknown."""
+    """UTC; time since the first pulse where that is unknown."""
     latitude_deg: float
     longitude_deg: float
     radius50_m: float
@@ -142,39 +141,39 @@ class TrackPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Position:
-    """Where a tag is."""
+    """Estimated place of a tag."""
 
     latitude_deg: float
     longitude_deg: float
     method: PositionMethod | str
     stations: int
-    """Bearings that went into it."""
+    """Number of bearings used."""
     pulses: int = 0
-    """Powers that went into it, missed ones included."""
+    """Number of powers used, missed ones included."""
     foreign_pulses: int = 0
-    """Of these, left out again: they are rather someone else's."""
+    """Number of powers left out again as probably another sender's."""
     radius50_m: float | None = None
     """Circle around the point that holds the tag with 50 % probability; None: not known."""
     radius95_m: float | None = None
     ellipse95: Ellipse | None = None
     outlier_probabilities: tuple[float, ...] | None = None
-    """For each bearing, that it has nothing to do with the tag."""
+    """Outlier probability of each bearing."""
     level_db: float | None = None
-    """SNR that the tag would have 100 m away, when powers were used."""
+    """SNR of the tag at 100 m, when powers were used."""
     path_loss_exponent: float | None = None
     at_edge: bool = False
     """The search area cuts the probability: the tag may lie farther out."""
     grid: PositionGrid | None = None
     heading_error_deg: float | None = None
-    """What all headings of the flight seem to err by, clockwise; None where unknown."""
+    """Estimated common error of all headings of the flight, clockwise; None where unknown."""
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
     track: tuple[TrackPoint, ...] = ()
-    """Where the tag went, in order of time; empty where nothing contradicts that it rests."""
+    """Path of the tag, in order of time; empty where a fixed place explains the data."""
     listeners: tuple[str, ...] = ()
-    """What became of the strengths of each receiver that never turned, for the operator."""
+    """Use of the strengths of each receiver that never turned, for the operator."""
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the operator: the cautions, and what became of other receivers."""
+        """Remarks for the operator: the cautions, and the use of other receivers."""
         return (*(one.text for one in self.cautions), *self.listeners)

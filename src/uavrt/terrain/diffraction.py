@@ -37,10 +37,10 @@ def beyond_level_db(
 ) -> _Floats:
     """Loss [dB] of a profile beyond that of level ground.
 
-    Over level ground the ray to the mirrored antenna touches it where ν is greatest:
-    -2 √(2 a b / (λ d)) for heights a and b.
+    Over level ground the ray to the mirrored antenna touches it where ν is greatest: -2 √(2 a b
+    / (λ d)) for heights a and b.
 
-    `nu`, `distance_m`: of the profile's edge, and between the antennas.
+    `nu`, `distance_m`: parameter of the profile's edge, and distance between the antennas.
     `antenna_m`, `tag_m`: heights above the ground at either end.
     """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
@@ -57,13 +57,13 @@ def edge_parameters(
     tag: _Floats,
     wavelength_m: float,
 ) -> _Floats:
-    """ν of the one edge that stands for each profile (P.526-15, equations 53 to 57).
+    """ν of the equivalent edge of each profile (P.526-15, equations 53 to 57).
 
     `x` (paths, points): from the drone [m]; points at or beyond `far` do not count.
-    `ground`: heights, with the earth's bulge taken off: x² / (2 · 8500 km).
-    `far`, `antenna`, `tag` (paths,): distance to the tag, and heights of both antennas,
-    with the bulge taken off.
-    Returns: -10 where nothing lies between.
+    `ground`: heights, less the earth's bulge: x² / (2 · 8500 km).
+    `far`, `antenna`, `tag` (paths,): distance to the tag, and heights of both antennas, less
+    the bulge.
+    Returns: -10 for an unobstructed path.
     """
     if not x.shape[1]:
         return np.full(far.shape, -10.0)

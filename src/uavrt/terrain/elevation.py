@@ -1,7 +1,7 @@
-"""Heights of the ground from rasters of any number of files.
+"""Ground heights from rasters of any number of files.
 
-Rasters of one grid (tiles of one set) are laid together before heights are read between their
-points, so that no border shows, whether neighbours share a row, as SRTM's do, or not.
+Rasters of one grid (tiles of one set) are joined before interpolation, so that no border shows,
+whether neighbours share a row, as SRTM's do, or not.
 """
 
 import math
@@ -16,27 +16,27 @@ from uavrt.geodesy import utm
 from uavrt.units import wrap_degrees_180
 
 ELLIPSOID = "ellipsoid"
-"""The datum of heights that count from it."""
+"""Datum of heights above the ellipsoid."""
 _Floats = NDArray[np.float64]
 _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000
 _LATTICE = 12
 _NOT_HEIGHTS_M = (-600.0, 9000.0)
-"""The shore of the Dead Sea lies at -430 m; what is beyond is a marker of nothing known."""
+"""Range of valid heights: the shore of the Dead Sea lies at -430 m; values beyond are markers
+of missing data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Raster:
-    """Heights on a grid; its points are read when they are asked for."""
+    """Heights on a grid; its points are read on demand."""
 
     name: str
-    """Of the file."""
     epsg: int
     """4326, or UTM on WGS84: 32601 to 32660, 32701 to 32760."""
     x: float
-    """Of the first column's points: longitude [deg] or easting [m]."""
+    """First column's points: longitude [deg] or easting [m]."""
     y: float
-    """Of the first row's points."""
+    """First row's points."""
     step_x: float
     """Between columns, to the east."""
     step_y: float
@@ -44,19 +44,20 @@ class Raster:
     rows: int
     columns: int
     datum: str | None
-    """What heights count from: ``EGM96``, ``ellipsoid`` …; None where the file does not say."""
+    """Datum of the heights: ``EGM96``, ``ellipsoid`` …; None where the file does not name
+    it."""
     read: Callable[[_Window], NDArray[np.float32]]
-    """Points of first and last row, first and last column (the last ones excluded), NaN where
-    nothing is known."""
+    """Reads the points of first and last row, first and last column (the last ones excluded),
+    NaN where unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Elevation:
-    """Heights of the ground wherever some rasters know them."""
+    """Ground heights from some rasters."""
 
     rasters: tuple[Raster, ...]
     sea: bool = False
-    """What no raster covers is water at height 0."""
+    """True: places outside all rasters are water at height 0."""
     _sheets: list[list[Raster]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -74,12 +75,12 @@ class Elevation:
 
     @property
     def datums(self) -> tuple[str, ...]:
-        """What the heights count from, each once; "not said" where a file does not tell."""
+        """Datums of the rasters, each once; "not said" where a file does not name it."""
         return tuple(sorted({one.datum or "not said" for one in self.rasters}))
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What an operator must know of what the heights count from, in words."""
+        """Cautions about the datums, in words."""
         said = []
         if ELLIPSOID in self.datums:
             said.append(
@@ -94,7 +95,7 @@ class Elevation:
         return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
-        """Heights of places, of any shape; NaN where nothing is known.
+        """Heights of places, of any shape; NaN where unknown.
 
         Raises `FormatError`: a file is damaged.
         Raises `UsageError`: the places are spread over too much ground.
@@ -119,7 +120,7 @@ class Elevation:
         return heights.reshape(shape)
 
     def covers(self, latitude_deg: float, longitude_deg: float) -> bool:
-        """Whether the height of a place is known."""
+        """True if the height of a place is known."""
         return bool(np.isfinite(self.heights_m([latitude_deg], [longitude_deg]))[0])
 
 
@@ -128,7 +129,7 @@ def _step_m(one: Raster) -> float:
 
 
 def _of_one_grid(a: Raster, b: Raster) -> bool:
-    """Whether points of one raster continue those of another."""
+    """True if points of one raster continue those of another."""
 
     def whole(apart: float, step: float) -> bool:
         return abs(apart / step - round(apart / step)) < 0.01
@@ -168,7 +169,7 @@ def _read(sheet: list[Raster], lat: _Floats, lon: _Floats) -> tuple[_Floats, NDA
 
 
 def _offset(first: Raster, one: Raster, turn: float, near: float) -> tuple[int, int]:
-    """Rows and columns by which a raster lies from the first of its sheet."""
+    """Rows and columns of a raster's offset from the first of its sheet."""
     right = (one.x - first.x) / first.step_x
     if turn:
         right += turn * round((near - right - 0.5 * one.columns) / turn)
@@ -176,7 +177,7 @@ def _offset(first: Raster, one: Raster, turn: float, near: float) -> tuple[int, 
 
 
 def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArray[np.float32]:
-    """Points of a window of a sheet, whichever raster holds them."""
+    """Points of a window of a sheet, from all its rasters."""
     top, bottom, left, right = window
     count = (bottom - top) * (right - left)
     if count > _MOST_POINTS:
@@ -201,7 +202,9 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
 
 
 def _between(points: NDArray[np.float32], row: _Floats, column: _Floats) -> _Floats:
-    """Bilinear; unknown where the nearest point is, others without height do not count."""
+    """Bilinear interpolation; unknown where the nearest point is, else unknown points are
+    ignored.
+    """
     rows, columns = points.shape
     r = np.clip(np.floor(row).astype(np.intp), 0, max(rows - 2, 0))
     c = np.clip(np.floor(column).astype(np.intp), 0, max(columns - 2, 0))

@@ -14,9 +14,10 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
     """Open a file of heights, or all of a folder.
 
     `path`: ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
-    `sea`: take what no file covers for water at height 0: there are no tiles of the open sea.
-    Raises `FormatError`: there are none, one of them is cut off, damaged, or of a kind that is
-    not read, or some count from the ellipsoid and others do not.
+    `sea`: treat places outside all files as water at height 0: there are no tiles of the open
+    sea.
+    Raises `FormatError`: there are none, one of them is cut off, damaged or unsupported, or
+    only some are heights above the ellipsoid.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)
@@ -26,7 +27,7 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
 
 
 def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
-    """Refuse heights over the ellipsoid beside others: a cliff of up to 100 m between them."""
+    """Reject a mix of ellipsoid and other heights: a cliff of up to 100 m between them."""
     above = next((one for one in rasters if one.datum == ELLIPSOID), None)
     other = next((one for one in rasters if one.datum != ELLIPSOID), None)
     if above is not None and other is not None:

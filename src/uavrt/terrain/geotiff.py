@@ -1,8 +1,8 @@
 """GeoTIFF of heights (TIFF 6.0, BigTIFF, OGC 19-008r4), by hand.
 
 Strips or tiles of one band, int16 to float64, plain or packed by deflate, LZW or PackBits, with
-the predictors of either; on longitudes and latitudes or in UTM. Only the blocks that are asked
-for are read. What else there is is named with the command that turns it into this.
+the predictors of either; on longitudes and latitudes or in UTM. Only the needed blocks are
+read. Errors for other kinds name the command that converts them.
 """
 
 import math
@@ -27,13 +27,13 @@ _READ = frozenset(
     {256, 257, 258, 259, 273, 277, 278, 279, 317, 322, 323, 324, 325, 339}
     | {33550, 33922, 34264, 34735, 42113}
 )
-"""Tags; all others are passed over."""
+"""Tags; all others are ignored."""
 _MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
-"""Values of the tags that list blocks, and of each other tag."""
+"""Most values of the tags that list blocks, and of each other tag."""
 _LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
-"""Degrees or metres: what a step may be, and how far away a corner."""
+"""Range of a step and of a corner's distance, in degrees or metres."""
 _NUMBERS = {(1, 8): "u1", (1, 16): "u2", (1, 32): "u4", (2, 16): "i2", (2, 32): "i4"} | {
     (3, 32): "f4",
     (3, 64): "f8",
@@ -65,19 +65,19 @@ _DAMAGED = (
 
 
 class _Unread(Exception):
-    """A kind of GeoTIFF that is not read; holds the options of gdal_translate or gdalwarp."""
+    """An unsupported kind of GeoTIFF; holds the options of gdal_translate or gdalwarp."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Blocks:
-    """Where the strips or tiles of a file are, and how they are packed."""
+    """Places and packing of a file's strips or tiles."""
 
     path: Path
     order: str
     rows: int
     columns: int
     high: int
-    """Of a block."""
+    """Height of a block."""
     wide: int
     places: tuple[int, ...]
     sizes: tuple[int, ...]
@@ -90,7 +90,7 @@ class _Blocks:
 def geotiff_raster(path: Path) -> Raster:
     """Open a GeoTIFF.
 
-    Raises `FormatError`: it is damaged, names no place, or is of a kind that is not read.
+    Raises `FormatError`: it is damaged, has no georeference, or is unsupported.
     """
     try:
         require_plain_file(path)
@@ -104,8 +104,10 @@ def geotiff_raster(path: Path) -> Raster:
         ) from None
     except _DAMAGED as error:
         # Other errors are of the library that reads numbers, and mean nothing to a reader.
-        told = isinstance(error, OSError | ValueError) and not isinstance(error, UnicodeError)
-        why = str(error) if told else "its tags make no sense"
+        readable = isinstance(error, OSError | ValueError) and not isinstance(
+            error, UnicodeError
+        )
+        why = str(error) if readable else "its tags make no sense"
         raise FormatError(
             f"{path.name} is no GeoTIFF, or cut off: {why}", remedy="Download it again"
         ) from error
@@ -201,7 +203,7 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
 
 
 def _check(blocks: _Blocks) -> None:
-    """Refuse sizes that cannot be, and a file that ends before its last block."""
+    """Reject impossible sizes, and a file that ends before its last block."""
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
         raise ValueError("it holds no points")
     if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:
@@ -223,7 +225,7 @@ def _number(text: object) -> float | None:
 
 
 def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
-    """Coordinates, what heights count from, and whether places are points or squares."""
+    """Coordinate system, datum of the heights, and whether points or squares are meant."""
     warp = "gdalwarp -t_srs EPSG:4326"
     listed = tags.get(34735)
     if listed is None:

@@ -1,9 +1,9 @@
-"""What the ground around a flight costs, from its places to those of tags, remembered.
+"""Losses by the ground around a flight, from its places to those of tags, cached.
 
 The loss from one place of a drone to all squares of the ground is computed once
-(`uavrt.terrain.viewshed`) and kept: a belief that asks for ten thousand places with every pulse
-reads them from there. Drone places lie on a lattice as fine as the squares, coarser where a
-flight has too many of them, so that a flight's cost is bounded.
+(`uavrt.terrain.viewshed`) and kept: position estimates use ten thousand places with every
+pulse. Drone places lie on a lattice as fine as the squares, coarser where a flight has too many
+of them, so that a flight's cost is bounded.
 """
 
 from collections import OrderedDict
@@ -21,28 +21,28 @@ from uavrt.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.floating[Any]]
 TAG_M = 0.5
-"""Height of a tag above the ground, unless given."""
+"""Default height of a tag above the ground."""
 _LEAST_REACH_M = 500.0
 _MOST_SIDE = 200
-"""Squares along each side of the ground that is laid around the take-off."""
+"""Squares along each side of the ground around the take-off."""
 _ROUGH_SIDE = 64
-"""The same where ways are weighed: a thirtieth of the cost."""
+"""The same for candidate legs: a thirtieth of the cost."""
 _FINEST_M = 15.0
 _HEIGHT_STEP_M = 4.0
 _LEAST_ABOVE_M = 1.0
 _ROUGH_HEIGHT_STEP_M = 16.0
 _MOST_PLACES = 100
-"""Of the drone, for one question: 1.5 s of a core at the most."""
+"""Most drone places in one call: 1.5 s of a core."""
 _ROUGH_MOST_PLACES = 40
 _MOST_BYTES = 64_000_000
-"""Of remembered losses."""
+"""Most memory for cached losses [bytes]."""
 
 _Node = tuple[int, int, int]
-"""Of the lattice: metres east, north, and above the take-off's ground."""
+"""Place of the lattice: metres east, north, and above the take-off's ground."""
 
 
 class HillLosses:
-    """The ground around a take-off, and what it takes from pulses.
+    """The ground around a take-off, and its losses.
 
     Heights of the drone count from the ground at the take-off, as autopilots report; metres
     from there too, or from the origin of another plane (`in_plane`).
@@ -50,8 +50,8 @@ class HillLosses:
     `latitude_deg`, `longitude_deg`: of the take-off.
     `frequency_hz`: of the tags.
     `tag_m`: height of the tags above the ground beneath them.
-    `limitations`: what the losses do not hold for, in words; `told` adds what the files do not
-    know.
+    `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the
+    files.
     """
 
     def __init__(
@@ -79,15 +79,14 @@ class HillLosses:
 
     @property
     def start_amsl_m(self) -> float:
-        """Height of the ground at the take-off; NaN where the files do not know it."""
+        """Height of the ground at the take-off; NaN where unknown."""
         return self._squares.start_m
 
     def __eq__(self, other: object) -> bool:
-        """Whether all losses and words are the same, over the same ground in memory."""
+        """True if all losses and limitations are equal, over the same ground in memory."""
         return isinstance(other, HillLosses) and self._state == other._state
 
     def __hash__(self) -> int:
-        """By the same."""
         return hash(self._state)
 
     @property
@@ -97,17 +96,17 @@ class HillLosses:
 
     @property
     def level(self) -> bool:
-        """Whether nothing is known: the files do not know the take-off."""
+        """True if the height of the take-off is unknown, so that level ground is assumed."""
         return not np.isfinite(self._squares.start_m)
 
     def at(self, frequency_hz: float) -> "HillLosses":
-        """Get the same for another tag; what is remembered is shared."""
+        """The same for another tag, with a common cache."""
         other = copy(self)
         other.frequency_hz = frequency_hz
         return other
 
     def in_plane(self, plane: TangentPlane) -> "HillLosses":
-        """Get the same with metres from another origin near by; what is remembered is shared.
+        """The same with metres from another origin near by, with a common cache.
 
         Both planes' axes are taken as parallel: 5 km apart they turn by .05°.
         """
@@ -117,19 +116,19 @@ class HillLosses:
         return other
 
     def rough(self) -> "HillLosses":
-        """Get the same on squares three times as large, for the many places of a decision."""
+        """The same on squares three times as large, for the many places of a decision."""
         other = copy(self)
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
 
     def noting(self, *limitations: str) -> "HillLosses":
-        """Get the same with more that an operator must know."""
+        """The same with more limitations."""
         other = copy(self)
         other.limitations = (*self.limitations, *limitations)
         return other
 
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
-        """Lay the ground as far as some places; what is beyond counts as its edge.
+        """Extend the ground to some places; ground beyond counts as its edge.
 
         Raises `FormatError`: a file of heights is damaged.
         """
@@ -139,8 +138,8 @@ class HillLosses:
             float(np.max(np.abs(np.asarray(north_m) + here[1]))),
         )
 
-    def told(self) -> tuple[str, ...]:
-        """What an operator must know of the ground as it was laid."""
+    def cautions(self) -> tuple[str, ...]:
+        """Sentences on how the ground model differs from the ground."""
         if self.level:
             return (
                 *self.limitations,
@@ -201,7 +200,7 @@ class HillLosses:
     ) -> NDArray[np.float32]:
         """Loss beyond that of level ground, from one place of the drone to places of any shape.
 
-        `drone` (east, north, up): the last above the ground at the take-off.
+        `drone` (east, north, up): up from the ground at the take-off.
         """
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)
@@ -209,7 +208,7 @@ class HillLosses:
     def _nodes(
         self, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> tuple[list[_Node], NDArray[np.intp]]:
-        """Places of the lattice, and which of them stands for each of the drone's."""
+        """Places of the lattice, and the index of the one nearest to each of the drone's."""
         east, north = east_m + self.origin_m[0], north_m + self.origin_m[1]
         self._squares.reach(float(np.max(np.abs(east))), float(np.max(np.abs(north))))
         reach, coarser = self._squares.reach_m, 1.0
@@ -233,7 +232,7 @@ class LossesFrom:
     maps: NDArray[np.float32]
     """(lattice, rows, columns) [dB]."""
     which: NDArray[np.intp]
-    """(n,) place of the lattice that stands for each of the drone's."""
+    """(n,) index of the lattice place for each of the drone's."""
     west_m: float
     south_m: float
     cell_m: float
@@ -247,7 +246,7 @@ class LossesFrom:
     def between(
         self, lattice: NDArray[np.intp] | np.intp, east_m: _Floats, north_m: _Floats
     ) -> NDArray[np.float32]:
-        """Losses [dB] from places of the lattice to places, of shapes that go together."""
+        """Losses [dB] from lattice places to places, of broadcastable shapes."""
         _, rows, columns = self.maps.shape
         single = np.float32
         c = np.asarray((east_m - self.west_m) / self.cell_m, single)
@@ -265,7 +264,7 @@ class LossesFrom:
 
 
 class _Squares:
-    """The ground as it is laid, and the losses that were computed over it."""
+    """Ground heights, and the cached losses over them."""
 
     def __init__(
         self,
@@ -284,7 +283,7 @@ class _Squares:
         self._grid: GroundGrid | None = None
         self._maps: OrderedDict[tuple[int, ...], NDArray[np.float32]] = OrderedDict()
         self.last: tuple[tuple[object, ...], _Floats, LossesFrom] | None = None
-        """Who asked last, from where, and the answer."""
+        """Tag, drone places and result of the last call."""
 
     @property
     def grid(self) -> GroundGrid:
@@ -298,7 +297,7 @@ class _Squares:
         return 0.0 if self._grid is None else self._grid.unknown_share
 
     def reach(self, east_m: float, north_m: float) -> None:
-        """Lay the ground so far to all sides; as it is, where that is enough."""
+        """Extend the ground to all sides; unchanged where it is large enough."""
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return

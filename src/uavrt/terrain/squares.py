@@ -1,4 +1,4 @@
-"""Heights of the ground on squares around a point."""
+"""Ground heights on squares around a point."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from uavrt.terrain.elevation import Elevation
 _Floats = NDArray[np.float64]
 _MOST_CELLS = 16_000_000
 _ROWS = 400
-"""Looked up at once."""
+"""Rows read at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,18 +22,17 @@ class GroundGrid:
 
     plane: TangentPlane
     west_m: float
-    """Of the first column's centres."""
     south_m: float
-    """Of the first row's centres."""
     cell_m: float
     known: NDArray[np.bool_]
-    """(rows, columns), the southern row first: whether the elevation files know the height."""
+    """(rows, columns), the southern row first: True where the elevation files have the
+    height."""
     height_m: NDArray[np.float32]
-    """(rows, columns); where it is not known, that of the nearest cell where it is."""
+    """(rows, columns); unknown heights are those of the nearest known cell."""
 
     @classmethod
     def of_heights(cls, height_m: NDArray[np.float32]) -> "GroundGrid":
-        """Lay heights on squares of a metre, all known, at no place of the earth."""
+        """Heights on squares of a metre, all known, without a place on the earth."""
         return cls(
             plane=TangentPlane(latitude_deg=0.0, longitude_deg=0.0),
             west_m=0.0,
@@ -88,11 +87,11 @@ def ground_grid(
     north_m: float,
     cell_m: float,
 ) -> GroundGrid:
-    """Lay squares over an area.
+    """Heights on squares over an area.
 
-    `elevation`: None is level ground at height 0, of which every cell is known.
-    `plane`: what the metres count from.
-    `west_m`, `east_m`, `south_m`, `north_m`: the area; its last cells may reach over it.
+    `elevation`: None is level ground at height 0, all cells known.
+    `plane`: origin of the metres.
+    `west_m`, `east_m`, `south_m`, `north_m`: the area; its last cells may extend beyond it.
     `cell_m`: side of a square.
     Raises `UsageError`: more than 16 million squares.
     Raises `FormatError`: a file of heights is damaged.

@@ -1,4 +1,4 @@
-"""Tiles of the Shuttle Radar Topography Mission, ``N47E008.hgt``, also zipped as they come.
+"""Tiles of the Shuttle Radar Topography Mission, ``N47E008.hgt``, plain or zipped.
 
 A tile is a degree wide and high, named by its south-western corner: 3601² (one arc second) or
 1201² (three) big-endian int16, the northern row first; its border rows and columns are those of

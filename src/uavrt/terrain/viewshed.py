@@ -1,7 +1,7 @@
-"""The loss behind hills at every place around a drone.
+"""Loss behind hills at every place around a drone.
 
-Each cell has a profile of its own, with points as far apart as the cells are, and its loss is
-that of `uavrt.terrain.diffraction`. Compiled kernels do it in a hundredth of NumPy's time.
+Each cell has its own profile, with points as far apart as the cells, and its loss is that of
+`uavrt.terrain.diffraction`. Compiled kernels take a hundredth of NumPy's time.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from uavrt.terrain.squares import GroundGrid
 
 _Floats = NDArray[np.float64]
 _TOGETHER = 100_000
-"""Points of profiles, or cells, that are worked on at once."""
+"""Most points of profiles, or cells, computed at once."""
 
 
 def terrain_loss_map(
@@ -73,7 +73,7 @@ def _parameters(
     x: _Floats,
     y: _Floats,
 ) -> NDArray[np.float32]:
-    """ν at the cells of some rows; x and y [cells] and the heights count from the drone."""
+    """ν at the cells of some rows; x and y [cells] and heights relative to the drone."""
     compiled = getattr(kernels(), "edges", None)
     nu = np.full(x.shape, -10.0, np.float32)
     if compiled is not None:

@@ -254,7 +254,7 @@ REMARKS = {
     "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
     "uavrt.analysis.measure.shapes": ("remarks_of",),
     "uavrt.analysis.silence": (
-        *("_NOT_JUDGED", "_NOT_TOLD", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
+        *("_NOT_JUDGED", "_ANTENNA_UNKNOWN", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
     "uavrt.analysis.whole_flight": ("assumed_in_words",),
     "uavrt.localization.heard": ("apart_in_words",),
@@ -265,7 +265,7 @@ REMARKS = {
     "uavrt.localization.results": ("remarks",),
     "uavrt.localization.position.survey_errors": ("cautions_of_survey",),
     "uavrt.terrain.elevation": ("cautions",),
-    "uavrt.terrain.hill_losses": ("told",),
+    "uavrt.terrain.hill_losses": ("cautions",),
 }
 """What says in words how far a place, a map or a verdict is to be trusted."""
 TOGETHER = {

@@ -10,7 +10,7 @@ import pytest
 from some import some
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
-from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
+from uavrt.analysis.flight_so_far import FlightSoFar, found_in_flight
 from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
 from uavrt.analysis.whole_flight import JudgeAs
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
@@ -128,7 +128,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     miss_deg = (some(mine.place).bearing_deg - weak.bearing_deg + 180.0) % 360.0 - 180.0
     assert abs(miss_deg) < 15.0
     assert not found[9].found
-    text = told_in_flight(mine)
+    text = found_in_flight(mine)
     assert text.startswith(
         f"Tag {weak.tag.tag_id} found over the flight so far, from the middle "
     )

@@ -71,7 +71,7 @@ def test_a_long_way_costs_a_bounded_number_of_views() -> None:
 def test_ground_that_nobody_knows_is_level_and_told() -> None:
     hills = HillLosses(elevation_of(ridge), latitude_deg=10.0, longitude_deg=10.0)
     assert hills.level
-    assert "do not cover the flight" in hills.told()[0]
+    assert "do not cover the flight" in hills.cautions()[0]
     assert not hills.loss_db((0.0, 0.0, 40.0), np.array([300.0]), np.zeros(1)).any()
 
 
@@ -81,7 +81,7 @@ def test_a_void_is_told() -> None:
 
     hills = around(elevation_of(with_void))
     hills.cover([400.0], [400.0])
-    (told,) = hills.told()
+    (told,) = hills.cautions()
     assert "have no height for 2" in told  # a quarter of the ground
 
 

@@ -3,7 +3,7 @@
 SensorGnome's pulse file has a line for each pulse, which ``find_tags`` looks for codes in: on
 each port for tags of the nominal frequency that is nearest to what the port is tuned to, and no
 others. So each nominal frequency has a port of its own. The detections have a row for each
-burst, with the columns of ``find_tags``' hits and the nominal frequency, as Motus tells it.
+burst, with the columns of ``find_tags``' hits and the nominal frequency, as Motus gives it.
 A beep is a burst of one pulse: it has a row, and no gaps.
 """
 
@@ -20,9 +20,9 @@ from uavrt.recording.formats.ucsd import tag_numbers
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _SAME_HZ = 2_000.0
-"""Bursts of tags that nobody listed are of one port when they are nearer in frequency."""
+"""Largest frequency difference between bursts of one unlisted tag [Hz]."""
 _RUN_S = 60.0
-"""A tag that was silent for longer begins another run."""
+"""Silence after which a tag's next burst begins a new run [s]."""
 DETECTION_COLUMNS = (
     *("ant", "ts", "id", "name", "runID", "posInRun", "sig", "sigsd", "noise"),
     *("freq", "freqsd", "slop", "burstSlop", "lat", "lon", "alt"),
@@ -31,35 +31,35 @@ DETECTION_COLUMNS = (
 
 
 def has_bursts(survey: Survey) -> bool:
-    """Whether any tag was heard, a coded one or one that beeps."""
+    """True if any coded or beeping tag was heard."""
     return bool(_bursts(survey))
 
 
 def _bursts(survey: Survey) -> list[PulsePose]:
-    """Bursts and beeps; what is below the threshold a SensorGnome does not write."""
+    """Bursts and beeps above the threshold; a SensorGnome writes no weaker ones."""
     found = [one for one in survey.every_pulse if _written(one.pulse)]
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Port:
-    """Of a receiver that has one for each nominal frequency."""
+    """A receiver port tuned to one nominal frequency."""
 
     number: int
     tuned_hz: float
 
     @property
     def tuned_mhz(self) -> str:
-        """As find_tags reads it: three digits after the point, more where they are needed."""
+        """Tuned frequency [MHz] as find_tags reads it: three decimals, more where needed."""
         whole, part = f"{self.tuned_hz / 1e6:.6f}".split(".")
         return f"{whole}.{part.rstrip('0'):0<3}"
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Give the port of each burst; they are numbered by frequency.
+    """Assign a port to each burst, numbered by frequency.
 
-    A listed tag's is tuned to its nominal frequency, that of others to the kilohertz in the
-    middle of what was heard, unless a listed frequency is as near.
+    A listed tag's port is tuned to its nominal frequency. Other ports are tuned to the middle
+    of what was heard, rounded to the kilohertz, unless a listed frequency is as near.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
@@ -87,18 +87,17 @@ def _written(pulse: Pulse) -> bool:
 
 
 def _levels(pulse: Pulse) -> list[tuple[int, float]]:
-    """Start [ns] and SNR [dB] of each pulse of a burst; a beep is one."""
+    """Start [ns] and SNR [dB] of each pulse of a burst; a beep has one."""
     if not pulse.burst_starts_ns:
         return [(pulse.start_time_ns, pulse.snr_db)]
     return list(zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True))
 
 
 def sensorgnome_text(survey: Survey) -> str:
-    """Beeps, pulses of all bursts, and where the drone was, as a SensorGnome writes them.
+    """Write beeps, burst pulses and drone positions in SensorGnome's format.
 
-    ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S`` tells the
-    frequency in megahertz that a port is tuned to, ``G`` a place. Levels are over 1 unit² of
-    the samples.
+    ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S`` gives a
+    port's tuned frequency in megahertz, ``G`` a place. Levels are over 1 unit² of the samples.
     """
     bursts = _bursts(survey)
     if not bursts:
@@ -127,7 +126,7 @@ def detections_csv(survey: Survey) -> str:
     """Confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
 
     ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. All pulses of a burst
-    share one frequency here, so that nobody knows ``freqsd``.
+    share one frequency here, so ``freqsd`` stays empty.
     """
     stream = io.StringIO(newline="")
     writer = TableWriter(stream)
@@ -174,7 +173,7 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """How much the gaps differ from those of the code, together [s]."""
+    """Sum of the differences between a burst's gaps and the code's [s]."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""
@@ -184,7 +183,7 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """How much the time since the last burst differs from whole burst intervals [s]."""
+    """Deviation of the time since the last burst from whole burst intervals [s]."""
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

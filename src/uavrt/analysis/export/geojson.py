@@ -26,7 +26,7 @@ from uavrt.localization.results import Position
 from uavrt.recording.integrated import Ring
 
 _PLACES = 8
-"""Decimals of a degree: 1 mm."""
+"""Decimals of a degree in coordinates: 1 mm."""
 _OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambiguous")
 _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
@@ -37,7 +37,9 @@ Shape = tuple[list[list[Point]], Properties]
 
 
 def geojson_text(survey: Survey) -> str:
-    """Write track, pulses, bearings with wedges, positions with regions and ways, and marks."""
+    """Write track, pulses, bearings with wedges, positions with regions, paths of moving tags,
+    marks.
+    """
     features = [
         {
             "type": "Feature",
@@ -94,13 +96,13 @@ def _points(found: list[tuple[Point, Properties]]) -> list[Shape]:
 
 
 def _ways(survey: Survey) -> list[Shape]:
-    """The paths of tags that moved."""
+    """Lines of the paths of tags that moved."""
     ways = [(way_of(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
     return [(split_at_date_line(way), facts) for way, facts in ways if len(way) > 1]
 
 
 def _geometry(kind: str, parts: list[list[Point]]) -> Properties:
-    """Coordinates of a shape; several parts are one of the kinds that hold several."""
+    """GeoJSON coordinates of a shape; several parts become a Multi- geometry."""
     rounded = [[[round(each, _PLACES) for each in point] for point in part] for part in parts]
     if kind == "POINT":
         return {"type": "Point", "coordinates": rounded[0][0]}
@@ -164,7 +166,7 @@ def position_properties(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def cautions_of(position: Position) -> dict[str, str]:
-    """What makes a position less sure than its circles say: by name, and in words."""
+    """Cautions on a position: their names, and their texts."""
     return {
         "cautions": ", ".join(one.name for one in position.cautions),
         "cautions_in_words": "; ".join(one.text for one in position.cautions),
@@ -183,7 +185,7 @@ def mark_properties(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def way_properties(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Place and attributes of each time of the way of each tag that moved."""
+    """Place and attributes of each time on the path of each moving tag."""
     return [
         (
             (one.longitude_deg, one.latitude_deg),
@@ -201,7 +203,9 @@ def way_properties(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
-    """Place and attributes of a tag's strongest signal: of all heights, then of each layer."""
+    """Place and attributes of a tag's strongest signal, for all heights and then for each
+    layer.
+    """
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
         found.append((signal.strongest, None))
@@ -221,7 +225,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[Point, Properties]]:
 
 
 def integrated_places(survey: Survey) -> list[tuple[Point, Properties]]:
-    """Where whole flights place tags; both places beside a straight way."""
+    """Places of tags by whole flights; two for a straight path, whose sides are ambiguous."""
     return [
         (
             (part.longitude_deg, part.latitude_deg),
@@ -238,7 +242,7 @@ def integrated_places(survey: Survey) -> list[tuple[Point, Properties]]:
 
 
 def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properties]]:
-    """Rings of the regions with 50 and 95 % of whole flights, cut at the 180° meridian."""
+    """Rings of the 50 % and 95 % regions of whole flights, cut at the 180° meridian."""
     regions = []
     for verdict in survey.verdicts:
         for share, region in ((50, verdict.region50), (95, verdict.region95)):
@@ -253,7 +257,7 @@ def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properti
 
 
 def _counter_clockwise(ring: Ring) -> list[Point]:
-    """Longitudes and latitudes of a ring, turning as RFC 7946 wants it."""
+    """Turn a ring of longitudes and latitudes counter-clockwise, as RFC 7946 requires."""
     points = [(longitude, latitude) for latitude, longitude in ring]
     first = points[0][0]
     x = [math.remainder(longitude - first, 360.0) for longitude, _ in points]

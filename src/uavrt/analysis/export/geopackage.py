@@ -28,7 +28,7 @@ from uavrt.analysis.measure.shapes import Point
 from uavrt.analysis.survey import Survey
 
 APPLICATION_ID = 0x47504B47
-"""``GPKG``."""
+"""``GPKG``, the application id of the SQLite file."""
 VERSION = 10300
 _WGS84 = (
     'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,'
@@ -64,14 +64,14 @@ _SYSTEMS = (
 )
 _TYPES = {bool: "BOOLEAN", int: "INTEGER", float: "DOUBLE", str: "TEXT"}
 _TIMES = ("time", "start", "end")
-"""Columns that are date-times: QGIS's temporal controller finds them by their type."""
+"""Columns of type DATETIME, which QGIS's temporal controller uses."""
 _WKB = {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}
 
 Feature = tuple[list[Point], dict[str, Any]]
 
 
 def write_geopackage(survey: Survey, path: Path) -> None:
-    """Write a file that does not exist yet.
+    """Write a survey as a new GeoPackage file.
 
     Raises `sqlite3.Error`: it cannot be written.
     """
@@ -101,7 +101,9 @@ def geometry_blob(kind: str, points: Sequence[Point]) -> bytes:
 
 def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Feature]) -> None:
     columns = {
-        key: "DATETIME" if key in _TIMES else _column_type([told[key] for _, told in features])
+        key: "DATETIME"
+        if key in _TIMES
+        else _column_type([fields[key] for _, fields in features])
         for key in features[0][1]
     }
     described = "".join(f', "{key}" {kind_of}' for key, kind_of in columns.items())
@@ -124,8 +126,8 @@ def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Fe
     database.executemany(
         f"INSERT INTO {name} (geom{named}) VALUES ({marks})",
         [
-            (geometry_blob(kind, points), *(_cell(key, value) for key, value in told.items()))
-            for points, told in features
+            (geometry_blob(kind, points), *(_cell(key, value) for key, value in fields.items()))
+            for points, fields in features
         ],
     )
     add_index(database, name, [_box(points) for points, _ in features])
@@ -133,13 +135,12 @@ def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Fe
 
 
 def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
-    """West, east, south, north."""
     xs, ys = [point[0] for point in points], [point[1] for point in points]
     return min(xs), max(xs), min(ys), max(ys)
 
 
 def _cell(key: str, value: Any) -> Any:
-    """A value as its column wants it: times in milliseconds, as clause 1.1.1.1.2 has them."""
+    """Convert a value for its column; times get milliseconds (clause 1.1.1.1.2)."""
     if key not in _TIMES or value is None:
         return value
     seconds, _, rest = str(value).rstrip("Z").partition(".")

@@ -22,11 +22,11 @@ _GONE = "(NEW.geom ISNULL OR ST_IsEmpty(NEW.geom))"
 def add_index(
     database: sqlite3.Connection, table: str, boxes: Sequence[tuple[float, float, float, float]]
 ) -> None:
-    """Index a layer whose features, in the order of their fid from 1, have these boxes.
+    """Build the spatial index of a layer whose features have ids from 1 in the order of
+    `boxes`.
 
-    `database`: the GeoPackage.
     `table`: the layer; its geometry is ``geom``, its key ``fid``.
-    `boxes`: each (west, east, south, north); in degrees.
+    `boxes`: west, east, south, north of each feature [deg].
     """
     tree = f"rtree_{table}_geom"
     database.execute(f"CREATE VIRTUAL TABLE {tree} USING rtree(id, minx, maxx, miny, maxy)")

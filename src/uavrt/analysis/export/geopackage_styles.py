@@ -40,11 +40,11 @@ _TIMED = (
     "tag_tracks",
     "marks",
 )
-"""Layers with a column ``time``."""
+"""Layers with a ``time`` column."""
 
 
 def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:
-    """Give a layer its style."""
+    """Add the default style of a layer."""
     database.execute(
         "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name,"
         " f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner)"
@@ -54,7 +54,7 @@ def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:
 
 
 def qml(table: str, kind: str) -> str:
-    """Write the document of one layer."""
+    """QML document with a layer's symbol."""
     colour = _COLOURS.get(table, "11,93,117,255")
     symbol, layer, options = {
         "POINT": ("marker", "SimpleMarker", {"name": _shape(table), "size": _size(table)}),
@@ -64,7 +64,7 @@ def qml(table: str, kind: str) -> str:
     colours = {"line_color": colour} if kind == "LINESTRING" else {"color": colour}
     if kind == "POLYGON":
         colours["outline_color"] = ",".join([*colour.split(",")[:3], "255"])
-    told = "".join(
+    options = "".join(
         f'<Option type="QString" name={quoteattr(name)} value={quoteattr(value)}/>'
         for name, value in {**colours, **options}.items()
     )
@@ -80,7 +80,7 @@ def qml(table: str, kind: str) -> str:
         '<qgis version="3.22" styleCategories="Symbology|Temporal">'
         f'{temporal}<renderer-v2 type="singleSymbol"><symbols>'
         f'<symbol type="{symbol}" name="0" alpha="1"><layer class="{layer}" enabled="1">'
-        f'<Option type="Map">{told}</Option></layer></symbol></symbols></renderer-v2></qgis>'
+        f'<Option type="Map">{options}</Option></layer></symbol></symbols></renderer-v2></qgis>'
     )
 
 

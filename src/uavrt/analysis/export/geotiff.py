@@ -31,10 +31,10 @@ _GEO_KEYS = (
 
 
 def geotiff_bytes(grid: PositionGrid, description: str) -> bytes:
-    """Encode a heat map.
+    """Encode a heat map as GeoTIFF.
 
     `grid`: the map; its northern axis may run either way.
-    `description`: what it is.
+    `description`: text of the image description tag.
     """
     rising = grid.north_m[-1] >= grid.north_m[0]
     pixels = np.asarray(grid.probability, "<f4")
@@ -81,6 +81,5 @@ def _packed(kind: int, value: tuple[float, ...] | bytes) -> tuple[bytes, int]:
 
 
 def _padded(kind: int, value: tuple[float, ...] | bytes) -> int:
-    """Bytes of a value outside the directory."""
     size = len(value) * _SIZES[kind]
     return 0 if size <= 4 else size + size % 2

@@ -13,7 +13,9 @@ NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
 def gpx_text(survey: Survey) -> str:
-    """Write what a handheld receiver can take along: where to walk, and where was flown."""
+    """Write positions as waypoints, the flight and moving tags as tracks, for a handheld
+    receiver.
+    """
     root = ET.Element("gpx", version="1.1", creator=f"uavrt {uavrt.__version__}")
     root.set("xmlns", NAMESPACE)
     metadata = ET.SubElement(root, "metadata")
@@ -33,12 +35,12 @@ def gpx_text(survey: Survey) -> str:
         if time_ns is not None:
             ET.SubElement(point, "time").text = iso_utc(time_ns)
         ET.SubElement(point, "name").text = printable(survey.label(one.tag_id))
-        told = [one.text for one in position.cautions]
+        remarks = [one.text for one in position.cautions]
         if position.radius95_m is not None:
-            told.insert(0, f"within {position.radius95_m:.0f} m with 95 %")
-        told += [] if vehicle is None else [f"heard by {vehicle}"]
-        if told:
-            ET.SubElement(point, "desc").text = printable("; ".join(told))
+            remarks.insert(0, f"within {position.radius95_m:.0f} m with 95 %")
+        remarks += [] if vehicle is None else [f"heard by {vehicle}"]
+        if remarks:
+            ET.SubElement(point, "desc").text = printable("; ".join(remarks))
         ET.SubElement(point, "type").text = "tag position"
     for mark in survey.marks:
         point = _point(root, "wpt", mark.latitude_deg, mark.longitude_deg)

@@ -62,7 +62,7 @@ def kmz_bytes(survey: Survey) -> bytes:
 
 
 def kml_text(survey: Survey) -> str:
-    """Write the same as plain KML: without pictures, which nothing would carry."""
+    """Write a survey as plain KML, without pictures."""
     root = _document(survey, {})
     for parent in list(root.iter()):
         for child in list(parent):
@@ -72,7 +72,7 @@ def kml_text(survey: Survey) -> str:
 
 
 def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
-    """Make the KML, and put the pictures that it names into `files`."""
+    """Make the KML, and add the pictures that it names to `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     _text(document, "name", survey.name)
@@ -152,14 +152,14 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
 
 
 def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
-    """Where the whole flight places a tag: each of its places, and the region with 95 %."""
-    for place, told in integrated_places(survey):
-        if told["tag_id"] == tag_id:
-            percent = 100.0 * (told["probability"] or 0.0)
+    """Folder with the places of a tag by the whole flight, and the 95 % region."""
+    for place, properties in integrated_places(survey):
+        if properties["tag_id"] == tag_id:
+            percent = 100.0 * (properties["probability"] or 0.0)
             name = f"{survey.label(tag_id)}, whole flight, {percent:.0f} %"
             _geometry(_placemark(folder, name, "position"), "Point", [place])
-    for rings, told in integrated_regions(survey):
-        if told["tag_id"] == tag_id and told["share"] == 95:
+    for rings, properties in integrated_regions(survey):
+        if properties["tag_id"] == tag_id and properties["share"] == 95:
             mark = _placemark(folder, f"{survey.label(tag_id)}, whole flight, 95 %", "whole")
             several = ET.SubElement(mark, "MultiGeometry")
             for ring in rings:
@@ -167,7 +167,7 @@ def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
 
 
 def _way(folder: ET.Element, name: str, position: Position) -> None:
-    """Where a moving tag was, at each time."""
+    """Path of a moving tag, with times."""
     if len(position.track) < 2:
         return
     inner = ET.SubElement(folder, "Folder")
@@ -180,15 +180,15 @@ def _way(folder: ET.Element, name: str, position: Position) -> None:
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """The loudest place and the colours around it, marked as not the tag's place."""
+    """Strongest place and signal colours around it, marked as not the tag's place."""
     found = survey.signal_of(tag_id)
     if found is None:
         return
     if found.strongest is not None:
         loudest = found.strongest
         mark = _placemark(folder, "strongest signal", "pulse")
-        told = f"{loudest.snr_db:.0f} dB; the tag is about {loudest.ring_radius_m:.0f} m away"
-        _text(mark, "description", told, before="styleUrl")
+        text = f"{loudest.snr_db:.0f} dB; the tag is about {loudest.ring_radius_m:.0f} m away"
+        _text(mark, "description", text, before="styleUrl")
         _geometry(mark, "Point", [(loudest.longitude_deg, loudest.latitude_deg)])
     if found.surface is not None:
         file = f"files/signal_{tag_id}.png"
@@ -207,7 +207,7 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
 
 
 def _start_amsl_m(survey: Survey) -> float:
-    """Height above the sea of what the survey's heights begin at; NaN where it is unknown."""
+    """Altitude above sea level that the survey's heights start from [m]; NaN where unknown."""
     first = survey.track[0]
     return first.altitude_amsl_m - first.altitude_relative_m
 
@@ -237,8 +237,8 @@ def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
         length_m = ray_length_m(one, position)
         name = f"{one.bearing.bearing_deg:.0f}°"
         mark = _placemark(folder, name, "bearing")
-        told = "; ".join(f"{key}: {value}" for key, value in properties.items())
-        _text(mark, "description", told, before="styleUrl")
+        description = "; ".join(f"{key}: {value}" for key, value in properties.items())
+        _text(mark, "description", description, before="styleUrl")
         _geometry(mark, "LineString", ray(one, length_m))
         area = wedge(one, length_m)
         if area is not None:
@@ -267,7 +267,7 @@ def _overlay(
     *,
     amsl_m: float | None = None,
 ) -> None:
-    """Lay a picture on the ground, or hidden at first at a height above the sea."""
+    """Overlay a picture on the ground, or at a height above the sea and hidden at first."""
     overlay = ET.SubElement(folder, "GroundOverlay")
     _text(overlay, "name", name)
     if amsl_m is not None:
@@ -283,10 +283,10 @@ def _overlay(
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
-    """West, south, east, north edge of a heat map [deg], at its middle lines.
+    """West, south, east and north edge of a heat map [deg], along its middle lines.
 
-    The cells are squares of the tangent plane; 3 km from the origin at 60° latitude degrees
-    and metres part by 1.2 m, far less than a cell.
+    The cells are squares of the tangent plane. At 3 km and 60° latitude this is off by 1.2 m,
+    far less than a cell.
     """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))
@@ -306,7 +306,7 @@ def _placemark(parent: ET.Element, name: str, style: str) -> ET.Element:
 
 
 def _stamped(mark: ET.Element, time_ns: int) -> None:
-    """Give a placemark its time, before its style as the schema wants it."""
+    """Insert a placemark's time before its style, as the schema requires."""
     names = [child.tag for child in mark]
     stamp = ET.Element("TimeStamp")
     mark.insert(names.index("styleUrl"), stamp)

@@ -37,7 +37,7 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 
 
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Color a probability: yellow to dark red, clear where there is next to none.
+    """Color a probability: yellow to dark red, transparent where it is close to zero.
 
     `probability` (rows, columns): of each cell; the first row is the top.
     """
@@ -51,7 +51,7 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Color a signal map: blue is weak, yellow strong, clear where nothing is known.
+    """Color a signal map: blue is weak, yellow strong, transparent where unknown.
 
     `snr_db` (rows, columns): the first row is the top; NaN is unknown.
     """
@@ -67,7 +67,8 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Color a probability on a scale from 0 to 1: dark blue to yellow, clear where unknown.
+    """Color a probability on a scale from 0 to 1: dark blue to yellow, transparent where
+    unknown.
 
     `probability` (rows, columns): the first row is the top; NaN is unknown.
     """

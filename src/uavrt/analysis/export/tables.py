@@ -1,4 +1,4 @@
-"""A survey as tables: our CSV, the original's, and one in the words of Movebank."""
+"""A survey as CSV tables: our own, the original system's, and Movebank's."""
 
 import io
 import math
@@ -31,7 +31,7 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """All pulses, in the columns of ``uavrt detect -o``, *integrated* ones among them."""
+    """All pulses in the columns of ``uavrt detect -o``, pulses marked *integrated* included."""
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
@@ -41,7 +41,7 @@ def pulses_csv(survey: Survey) -> str:
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Pulses with a pose, as the newer custom QGroundControl writes them; 3 is *integrated*."""
+    """Pulses with a pose in the newer custom QGroundControl's format; 3 is *integrated*."""
     stream = io.StringIO()
     write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
@@ -70,8 +70,7 @@ def track_csv(survey: Survey) -> str:
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
     """Bearings for the original's ``bearings.csv``.
 
-    It has no column for a turn without a clear direction: whoever reads it takes each line for
-    a bearing. The positions leave such turns out, and so does it.
+    Turns without a clear direction are left out: the format has no column to mark them.
     """
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
@@ -102,7 +101,7 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
 
 
 def fixes_csv(survey: Survey) -> str:
-    """Positions with their uncertainty; a tag without one says why."""
+    """Positions with their uncertainty; a tag without a position gets the reason."""
     header = (
         *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "bearings", "may_be_farther_out"),
@@ -129,7 +128,7 @@ def fixes_csv(survey: Survey) -> str:
 
 
 def ways_csv(survey: Survey) -> str:
-    """Where each tag that moved was, at each time of its way."""
+    """Position of each moving tag at each time of its path."""
     header = (
         *("tag_id", "name", "time_utc", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "vehicle"),
@@ -156,11 +155,10 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Positions as events in the words of Movebank's attribute dictionary.
+    """Positions as events in the terms of Movebank's attribute dictionary.
 
-    One event for each tag, at the end of its last bearing; of a tag that moved one for each
-    time of its way. Movebank asks for the meaning of columns at the upload; names that are its
-    own are recognised.
+    One event for each tag, at the end of its last bearing; for a moving tag one for each time
+    of its path. Movebank recognises columns with its own names at the upload.
     """
     events = [
         (one.tag_id, one.position, place)
@@ -177,7 +175,7 @@ def movebank_csv(survey: Survey) -> str:
 def _places(
     survey: Survey, tag_id: int, position: Position
 ) -> list[tuple[int, float, float, float | None]]:
-    """Times, latitudes, longitudes and radii of 95 % of a position: those of its way."""
+    """Times, latitudes, longitudes and 95 % radii of a position, or of its path."""
     if position.track:
         return [
             (one.time_ns, one.latitude_deg, one.longitude_deg, one.radius95_m)
@@ -202,7 +200,7 @@ def _movebank_row(
     count = position.pulses or position.stations
     text = f"{position.method}, {count} {heard}, {survey.name}"
     contradicted = any(one.name == "contradiction" for one in position.cautions)
-    told = (
+    cells = (
         *(number, _movebank_time(time_ns)),
         *(f"{longitude_deg:.8f}", f"{latitude_deg:.8f}"),
         *("radio-transmitter", _animal(survey, tag_id), tag_id),
@@ -210,29 +208,29 @@ def _movebank_row(
         *(radius, 95 if radius else ""),
         "; ".join([text, *(one.text for one in position.cautions)]),
         # What says no more than a direction is no place, and bearings that contradict each
-        # other tell none that can be trusted; Movebank hides such by default.
+        # other have no trusted coordinates; Movebank hides such by default.
         str(position.at_edge or not radius or contradicted).lower(),
         "" if survey.vehicle is None else f"vehicle {survey.vehicle}",
     )
-    return dict(zip(MOVEBANK_COLUMNS, told, strict=True))
+    return dict(zip(MOVEBANK_COLUMNS, cells, strict=True))
 
 
 def movebank_reference_csv(survey: Survey) -> str:
-    """Which animal wore which tag: the reference data that Movebank asks for with the events.
+    """Movebank's reference data: which animal wore which tag.
 
-    The flight knows of no deployment but that it was worn then.
+    A flight knows no deployment dates, so the flight's time is used.
     """
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
     rows: list[dict[str, Any]] = []
     for tag_id in survey.tag_ids:
         tag = survey.tag(tag_id)
-        told = (
+        cells = (
             *(tag_id, _animal(survey, tag_id), "" if tag is None else tag.name or ""),
             "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
             *(day, "", f"dates are of {survey.name}: put in those of the deployment"),
         )
-        rows.append(dict(zip(REFERENCE_COLUMNS, told, strict=True)))
+        rows.append(dict(zip(REFERENCE_COLUMNS, cells, strict=True)))
     return _without_empty(REFERENCE_COLUMNS, rows)
 
 
@@ -242,7 +240,7 @@ def _animal(survey: Survey, tag_id: int) -> str:
 
 
 def _without_empty(names: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
-    """A table of the columns in which anything stands; all of them when there is no row."""
+    """Table without its empty columns; all columns when there is no row."""
     kept = [name for name in names if not rows or any(row[name] != "" for row in rows)]
     return _csv(kept, ([row[name] for name in kept] for row in rows))
 

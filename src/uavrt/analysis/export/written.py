@@ -23,7 +23,7 @@ from uavrt.recording.formats.whole_file import write_whole
 
 @dataclass(frozen=True, slots=True)
 class OneFile:
-    """A format in which a survey is one file; the page offers these too."""
+    """A format that exports a survey as one file; the page offers these too."""
 
     media_type: str
     content: Callable[[Survey], str | bytes]
@@ -35,7 +35,7 @@ ONE_FILE: dict[str, OneFile] = {
     "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
     "gpx": OneFile("application/gpx+xml", gpx_text),
 }
-"""By the name of the format, which is also the file's ending."""
+"""Formats by name, which is also the file's ending."""
 
 
 def export_survey(
@@ -43,16 +43,16 @@ def export_survey(
 ) -> list[Path]:
     """Write a survey in each format asked for; files of the same name are replaced.
 
-    `directory`: made if need be.
-    `formats`: ``csv`` (pulses, track, positions; ways of tags that moved and marks where there
-    are any), ``uavrt`` (the original's bearings.csv, positions.csv and TagTracker's pulse CSV),
+    `directory`: created if missing.
+    `formats`: ``csv`` (pulses, track, positions; paths of moving tags and marks where there are
+    any), ``uavrt`` (the original's bearings.csv, positions.csv and TagTracker's pulse CSV),
     ``geojson``, ``kmz``, ``kml`` (without pictures), ``gpx``, ``geopackage``, ``movebank``,
     ``geotiff`` (one heat map for each tag with one; of a survey with a monopole the strength,
     and that of each layer of heights), ``motus`` (bursts and beeps as a SensorGnome and
     find_tags write them, where there are any). None: all.
-    Returns: what was written.
+    Returns: the written files.
     Raises `RecordingError`: a file cannot be written.
-    Raises `UsageError`: it is a log without any pulse: there is nothing to write.
+    Raises `UsageError`: a log without any pulse has nothing to write.
     """
     if survey.kind != "flight" and not survey.pulse_poses:
         raise UsageError(
@@ -88,7 +88,7 @@ def _walked(survey: Survey) -> bool:
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
-    """Write what there is, and remove what an earlier export had of the rest."""
+    """Write files that have content, and remove those left by an earlier export."""
     for name, content in files.items():
         if content is None:
             (directory / name).unlink(missing_ok=True)
@@ -139,7 +139,7 @@ def _geotiff(survey: Survey, directory: Path) -> list[Path]:
 
 
 def as_grid(surface: SignalSurface) -> PositionGrid:
-    """A signal map in the shape of a heat map: SNR in place of probability, NaN unknown."""
+    """Signal map as a heat map: SNR [dB] instead of probability, NaN where unknown."""
     return PositionGrid(
         latitude_deg=surface.latitude_deg,
         longitude_deg=surface.longitude_deg,
@@ -150,7 +150,7 @@ def as_grid(surface: SignalSurface) -> PositionGrid:
 
 
 def _motus(survey: Survey, directory: Path) -> list[Path]:
-    """Write bursts and beeps; of a flight that heard none nothing."""
+    """Write bursts and beeps for Motus; nothing for a flight without any."""
     if not bursts.has_bursts(survey):
         return []
     files = {

@@ -1,6 +1,6 @@
-"""Texts that people typed, as XML can hold them."""
+"""User-entered text made safe for XML."""
 
 
 def printable(text: str | None) -> str:
-    """Leave out control characters, for which XML 1.0 has no word."""
+    """Remove control characters, which XML 1.0 does not allow."""
     return "".join(c for c in text or "" if c >= " " or c in "\t\n")

@@ -22,10 +22,10 @@ _WIDEST_GAP_DEG = 45.0
 
 
 def antenna_named(text: str) -> str:
-    """Name of a known pattern; the pattern of a file is made known by the file's name.
+    """Name of a known pattern; a pattern file is registered under the file's name.
 
-    Raises `FormatError`: it is a file, but no pattern.
-    Raises `UsageError`: it is neither a known name nor a file, or the file has a name of ours.
+    Raises `FormatError`: it is a file without a pattern.
+    Raises `UsageError`: it is neither a known name nor a file, or the file has a built-in name.
     """
     if text in PATTERNS:
         return text
@@ -82,7 +82,7 @@ def _on_grid(
     gain_db: "np.ndarray[tuple[int], np.dtype[np.float64]]",
     path: str | os.PathLike[str],
 ) -> tuple[float, ...]:
-    """Gains re boresight at 0°, 5° … 180°."""
+    """Gain relative to boresight at 0°, 5° … 180° [dB]."""
     folded = np.round(np.abs(np.remainder(angle_deg + 180.0, 360.0) - 180.0), 3)
     angles, which = np.unique(folded, return_inverse=True)
     mean = np.bincount(which, gain_db) / np.bincount(which)

@@ -41,11 +41,11 @@ from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, Header,
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"
-"""Before the topics of orders, which a gateway obeys."""
+"""Prefix of the topics with orders, so that a gateway does not obey a playback."""
 HINDSIGHT = "integrated/"
-"""Before the topics of pulses that ``uavrt integrate`` saw in hindsight."""
+"""Prefix of the topics with pulses found by ``uavrt integrate``."""
 METADATA_VERSION = 5
-"""rosbag2's format of ``metadata.yaml``: that of Humble, which all later ones read too."""
+"""Format of rosbag2's ``metadata.yaml``: that of Humble, which all later versions read."""
 
 Entry = tuple[int, str, RosMessage]
 """Time [ns, UTC], topic, message."""
@@ -53,7 +53,7 @@ Entry = tuple[int, str, RosMessage]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bag:
-    """What was written."""
+    """Summary of a written bag."""
 
     directory: Path
     file: Path
@@ -66,10 +66,9 @@ def export_bag(
 ) -> Bag:
     """Write a flight as a rosbag2 directory.
 
-    A recording that is played must not command a drone that listens: what a drone obeys is
-    under `RECORDED` unless `as_sent`. Pulses seen in hindsight are under `HINDSIGHT`.
+    Playing a recording must not command a drone, so orders are under `RECORDED` unless
+    `as_sent`. Integrated pulses are under `HINDSIGHT`.
 
-    `flight_directory`: a flight directory.
     `target`: directory to make.
     `as_sent`: orders have the names of the live topics.
     Raises `FormatError`: there is no flight, or it is damaged.
@@ -163,7 +162,7 @@ def _register(writer: Any, topic: str, message: type[RosMessage]) -> int:
 
 
 def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
-    """What started the flight: its tags, and the order to start."""
+    """The orders that started the flight: its tags, and the start."""
     start_ns = info.start_time_ns
     for tag in info.tags:
         if tag.coded:
@@ -178,7 +177,6 @@ def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
 
 
 def _stops(times_ns: Iterable[int], prefix: str) -> Iterator[Entry]:
-    """What ended it."""
     for time_ns in times_ns:
         yield time_ns, f"{prefix}control_stop_subprocess", _order("stop", time_ns, {})
 
@@ -195,7 +193,7 @@ def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticA
 def _pulses(
     info: FlightInfo, pulse_poses: Iterable[PulsePose], prefix: str = ""
 ) -> Iterator[Entry]:
-    """Each pulse twice, as on the network: alone, and with its pose; at its end."""
+    """Each pulse twice, as on the network: alone, and with its pose."""
     for item in sorted(pulse_poses, key=lambda item: item.pulse.end_time_ns):
         directory = _tag_directory(info, item.pulse.tag_id)
         time_ns = item.pulse.end_time_ns
@@ -206,7 +204,7 @@ def _pulses(
 
 
 def _heartbeats(directory: Path, info: FlightInfo) -> Iterator[Entry]:
-    """Signs of life: what was searched without a detection."""
+    """Heartbeats for searches without a detection."""
     for report in read_search_reports(directory):
         path = _tag_directory(info, report.tag_id)
         beat = heartbeat(report.tag_id, report.time_ns, path)
@@ -214,7 +212,6 @@ def _heartbeats(directory: Path, info: FlightInfo) -> Iterator[Entry]:
 
 
 def _poses(flight: Flight) -> Iterator[Entry]:
-    """The antenna's poses, as often as they were recorded."""
     for pose in antenna_poses(flight):
         yield pose.time_ns, "antenna_pose", pose_stamped(pose)
 
@@ -281,7 +278,7 @@ def _metadata(file: str, counts: Counter[str], first_ns: int, last_ns: int) -> s
 
 
 def _qos_yaml(topic: str) -> str:
-    """Write the topic's quality of service with rmw's numbers; a player publishes with it."""
+    """Quality of service of a topic with rmw's numbers, for the player."""
     forever = {"sec": 9223372036, "nsec": 854775807}
     late = topic == LOG_TOPIC
     return json.dumps(

@@ -1,8 +1,7 @@
-"""The channelizer alone: a band in, the original's channel datagrams out.
+"""Channelizer alone: converts a band to the original system's channel datagrams.
 
-The engine of ``uavrt channelize``. It stands in the place of the original's
-``airspy_channelize 375000 100``: the programs before it (``airspy_rx | csdr | netcat``) and
-after it (the detectors) need not know.
+The engine of ``uavrt channelize``. It replaces the original's ``airspy_channelize 375000 100``
+between unchanged programs: ``airspy_rx | csdr | netcat`` before it, detectors after it.
 """
 
 import math
@@ -25,7 +24,7 @@ _LOOK_S: Final = 0.25
 
 @dataclass(slots=True)
 class ChannelizeSummary:
-    """What a run did."""
+    """Counts of a run."""
 
     samples: int = 0
     samples_lost: int = 0
@@ -72,7 +71,7 @@ def plan_channels(
 
 
 def _check_as_the_original(front_end: FrontEnd) -> None:
-    """Refuse what listeners would take for the original's channels and is not.
+    """Reject settings whose datagrams the original's listeners would misread.
 
     Raises `ConfigError`: other than 100 channels of 3750 samples a second.
     """
@@ -93,7 +92,7 @@ def ports_of(
 ) -> dict[int, list[int]]:
     """Get the ports of each channel in use.
 
-    Raises `ConfigError`: a second port is asked of the thesis's plan, which has none.
+    Raises `ConfigError`: a second port is requested of the thesis's plan, which has none.
     """
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
@@ -120,16 +119,16 @@ def channelize(
     should_stop: Callable[[], bool] = lambda: False,
     summary: ChannelizeSummary | None = None,
 ) -> ChannelizeSummary:
-    """Send channels until the source ends or it is told to stop.
+    """Send channels until the source ends or the run is stopped.
 
     `source`: the band; the caller closes it.
     `front_end`: from `plan_channels`.
     `sender`: where to send; the caller closes it.
-    `speed`: a file is played at this multiple of real time, since a listener's buffer loses
-    what comes faster than it reads; 0 for no limit. A live band is never ahead of time.
+    `speed`: a file is played at this multiple of real time, since a listener's buffer overflows
+    if data come faster than it reads; 0 for no limit. A live band is never ahead of time.
     `pause`: waits for a number of seconds (`time.sleep`).
-    `should_stop`: asked at least four times a second.
-    `summary`: filled while running.
+    `should_stop`: called at least four times a second.
+    `summary`: updated while running.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

@@ -1,8 +1,8 @@
-"""Find coded tags in a recording: bursts that come again and again with the same gaps.
+"""Find coded tags in a recording: bursts that repeat with the same gaps.
 
-Pulses are found by themselves, since whoever measures a tag has it near by. Those that follow
-each other within a quarter of a second are a burst; bursts with as many pulses and the same
-gaps are one tag, and the times of its bursts tell the burst interval.
+Single pulses are strong enough, since the tag is near while it is measured. Pulses within a
+quarter of a second form a burst. Bursts with the same number of pulses and the same gaps are
+one tag, and their times give the burst interval.
 """
 
 import math
@@ -20,22 +20,22 @@ from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import ChannelBlock, Tag
 
 LONGEST_PULSE_S: Final = 0.006
-"""Pulses of coded tags are short: 2.5 ms; those that beep have 8 ms and more."""
+"""Longest pulse of a coded tag [s]: they have 2.5 ms; beeping tags have 8 ms and more."""
 _WIDTH_S: Final = 0.0025
 _LEAST: Final = 30.0
-"""Of a pulse's energy over that of noise: 15 dB."""
+"""Least energy of a pulse over that of noise: 15 dB."""
 _PEAKED: Final = 4.0
-"""Energy of a pulse at its frequency over the median within 1 kHz of it."""
+"""Least ratio of a pulse's energy at its frequency to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
-"""Bursts are so near to whole numbers of the burst interval, or are no tag's."""
+"""Largest deviation of a burst from whole burst intervals [s]."""
 _MOST_LOST: Final = 4
-"""Intervals in the shortest time between two bursts that were heard."""
+"""Most intervals in the shortest time between two heard bursts."""
 _WINDOW_HZ: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredCode:
-    """A coded tag as a recording shows it; each sigma is one standard deviation."""
+    """A coded tag as measured; each sigma is one standard deviation."""
 
     frequency_hz: float
     gaps_s: tuple[float, ...]
@@ -45,7 +45,7 @@ class MeasuredCode:
     bursts: int
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag entry, with the tolerances of the trade."""
+        """Tag list entry with the usual tolerances."""
         return Tag(
             tag_id=tag_id,
             frequency_hz=float(round(self.frequency_hz)),
@@ -76,7 +76,7 @@ def find_codes(times_s: NDArray[np.float64], frequency_hz: float) -> list[Measur
 
 
 def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCode | None:
-    """Measure bursts of the same gaps; None where they keep no beat, as chance's do not."""
+    """Measure bursts of the same gaps; None where they are not periodic."""
     starts_s = np.array([one[0] for one in bursts])
     beat = _beat(starts_s)
     if beat is None:
@@ -93,7 +93,7 @@ def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCod
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest interval that bursts are whole numbers of.
+    """Fit the longest interval of which the times between bursts are whole multiples.
 
     Where every second burst is lost, the shortest time between two is more than one interval.
     """
@@ -112,9 +112,9 @@ def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
 
 
 class BurstPulses:
-    """Finds the starts of a coded tag's pulses in the stream of a channel.
+    """Finds the starts of a coded tag's pulses in the samples of a channel.
 
-    `frequency_hz`: where short pulses were seen.
+    `frequency_hz`: frequency of the short pulses already seen.
     """
 
     def __init__(self, frequency_hz: float, rate_hz: float) -> None:
@@ -127,7 +127,7 @@ class BurstPulses:
         self._rows = [np.zeros(0, np.float32)]
 
     def process(self, block: ChannelBlock) -> None:
-        """Take the channel's next block."""
+        """Add the channel's next block."""
         if self._cells is None:
             offset_hz = self._frequency_hz - block.center_frequency_hz
             self._cells = Cells(
@@ -145,7 +145,7 @@ class BurstPulses:
             self._push(self._cells)
 
     def _push(self, cells: Cells) -> None:
-        """Transform a second of samples, or what is left."""
+        """Transform a second of samples, or the remainder."""
         if count := cells.push(self._held[: round(self._rate_hz)]):
             energy = cells.recent[:, -count:]
             most = energy.max(axis=0)
@@ -170,7 +170,7 @@ def _starts(energies: NDArray[np.float32], cells: Cells) -> NDArray[np.float64]:
     tall = np.lib.stride_tricks.sliding_window_view(np.pad(energy, reach), 2 * reach + 1)
     top = np.flatnonzero((energy >= _LEAST) & (energy == tall.max(axis=1)))
     top = top[(top >= reach) & (top < len(energy) - reach)]
-    # The filter falls off linearly to both sides: amplitudes tell where between columns.
+    # The filter falls off linearly to both sides: amplitudes give the place between columns.
     near = max(1, reach // 3)
     left, right = np.sqrt(energy[top - near]), np.sqrt(energy[top + near])
     shift = 0.5 * reach * (right - left) / np.sqrt(energy[top])

@@ -1,4 +1,4 @@
-"""Fit every pulse of a tag separately, then combine the fits."""
+"""Fit each pulse of a tag separately, then combine the fits."""
 
 import math
 from collections.abc import Sequence
@@ -20,16 +20,17 @@ from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004
-"""Intervals that differ by less are one rate, in two stretches."""
+"""Largest relative difference between intervals of one rate in two stretches."""
 NEAR_RATE: Final = 0.05
-"""Stretches whose intervals differ by more never are: 1 : 2 would go on at half its pulses."""
+"""Largest relative difference between stretches that may be joined; at 1 : 2, half the pulses
+would match."""
 SIGNIFICANT: Final = 4.0
-"""A drift of so many standard deviations is taken out before the jitter is judged."""
+"""Drift, in standard deviations, from which it is removed before the jitter is computed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseWindow:
-    """Samples of a channel about one burst."""
+    """Samples of a channel around one burst."""
 
     samples: NDArray[np.complex64]
     time_ns: int
@@ -37,19 +38,19 @@ class PulseWindow:
     offset_hz: float
     """The tag's frequency relative to the channel's centre."""
     apart_hz: float
-    """What the first pass saw of this burst beside the tag's frequency."""
+    """Frequency of this burst in the first pass, relative to the tag's frequency."""
     burst: int
-    """Which of the tag's bursts."""
+    """Number of the burst."""
 
 
 def measure_pulses(
     beats: Sequence[FoundBeat], windows: Sequence[PulseWindow], frequency_hz: float
 ) -> MeasuredTag:
-    """Turn a tag's pulses into numbers with uncertainties.
+    """Measure a tag's pulses, with uncertainties.
 
     `beats`: its beats, by bursts.
-    `windows`: samples about its bursts, in order of time; at least `beats.FEWEST`.
-    `frequency_hz`: where the first pass saw it; what the windows' offsets refer to.
+    `windows`: samples around its bursts, in order of time; at least `beats.FEWEST`.
+    `frequency_hz`: from the first pass; reference of the windows' offsets.
     """
     fits = [
         fit_pulse(
@@ -93,7 +94,7 @@ def _rates(
     good: NDArray[np.bool_],
     start_ns: int,
 ) -> tuple[MeasuredRate, ...]:
-    """Measure each beat again on the fitted times; beats of one interval are one rate."""
+    """Measure each beat again with the fitted times; merge beats of one interval."""
     stretches: list[tuple[NDArray[np.float64], float]] = []
     for beat in sorted(beats, key=lambda one: int(one.members[0])):
         chosen = [numbers[int(k)] for k in beat.members if int(k) in numbers]
@@ -123,7 +124,7 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two stretches between which pulses were not heard, if the beat went on."""
+    """Join two stretches across missing pulses if the beat continued."""
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)
@@ -160,7 +161,7 @@ def _rate(times_s: NDArray[np.float64], interval_s: float, start_ns: int) -> Mea
 
 
 def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
-    """Join two stretches of the same rate, each weighted by what it knows."""
+    """Join two stretches of the same rate, weighted by their precision."""
     weights = [1.0 / one.interval_sigma_s**2 for one in (first, second)]
     total = sum(weights)
     both = (first, second)
@@ -181,7 +182,7 @@ def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
 
 
 def _agree(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Leave out outliers: a pulse with an impulse in it."""
+    """Mask that leaves out outliers, such as a pulse with an impulse in it."""
     center = np.median(values)
     spread = 1.4826 * float(np.median(np.abs(values - center)))
     return np.asarray(np.abs(values - center) <= max(6.0 * spread, 0.1 * abs(center)))
@@ -195,7 +196,7 @@ def _middle(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Least squares: value at 0 and slope, each with its standard deviation."""
+    """Least-squares line: value at 0 and slope, each with its standard deviation."""
     design = np.stack((np.ones_like(x), x), axis=1)
     inverse = np.linalg.pinv(design.T @ design)
     value, slope = inverse @ design.T @ y
@@ -212,7 +213,7 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
     """Pulse energy over noise density, from the noise within 600 Hz before the pulse.
 
-    The median of the spectrum, since a carrier near by fills some of its bins.
+    The median of the spectrum is used because a nearby carrier fills some of its bins.
     """
     rate_hz = window.sample_rate_hz
     quiet = without_carriers(without_impulses(window.samples, rate_hz))

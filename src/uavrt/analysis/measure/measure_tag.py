@@ -1,8 +1,8 @@
 """Measure unknown tags: the engine of ``uavrt tags measure``.
 
-First pass: everything that beeps in the band (`uavrt.detection.beeps`). Second pass: a narrow
-channel about each train, every pulse fitted separately (`pulse_fit`), and the gaps of bursts
-(`coded_bursts`); then frequency, width and intervals with their uncertainties.
+First pass: find all beeping signals in the band (`uavrt.detection.beeps`). Second pass: a
+narrow channel around each train, a fit of each pulse (`pulse_fit`), and the gaps of bursts
+(`coded_bursts`). This gives frequency, width and intervals with their uncertainties.
 """
 
 from collections import deque
@@ -36,19 +36,20 @@ from uavrt.units import ns_from_s
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Kept before and after a pulse's middle [s]; the outer halves of it are noise alone."""
+"""Samples kept before and after a pulse's middle [s]; the outer halves contain noise only."""
 _MOST_SUSPECTS: Final = 8
-"""Frequencies at which a coded tag is searched for; each takes 2 % of a core."""
+"""Most frequencies searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Short pulses this close to a coded tag's frequency are its own [Hz]."""
+"""Short pulses this close to a coded tag's frequency belong to it [Hz]."""
 _LEAST_ALIKE: Final = 0.6
-"""Share of a train's pulses that agree in width and frequency; fewer are doubtful."""
+"""Least share of a train's pulses that agree in width and frequency; else the train is
+doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoubtfulTrain:
-    """Pulses at an interval that are perhaps no tag."""
+    """A periodic pulse train that may not be a tag."""
 
     frequency_hz: float
     interval_s: float
@@ -154,7 +155,7 @@ def measure_tags(
 
 
 def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
-    """Say why a train is perhaps no tag."""
+    """Reason why a train may not be a tag; None if it is one."""
     if train.image_of_hz is not None:
         original_mhz = (center_hz + train.image_of_hz) / 1e6
         return f"an image of {original_mhz:.6f} MHz, made in the receiver: reduce its gain"
@@ -166,7 +167,7 @@ def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
 
 
 def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
-    """Choose where to search for codes: within the band, apart, and a few only."""
+    """Choose frequencies to search for codes: inside the band, apart, and limited in number."""
     chosen: list[float] = []
     for offset_hz in offsets_hz:
         apart = all(abs(offset_hz - other_hz) >= _SUSPECTS_APART_HZ for other_hz in chosen)
@@ -182,7 +183,7 @@ def _of_code(frequency_hz: float, codes: Sequence[MeasuredCode]) -> bool:
 def _measured(
     train: Train, windows: Sequence[PulseWindow], center_hz: float
 ) -> MeasuredTag | str:
-    """Measure a train's pulses, or say why it is perhaps no tag."""
+    """Measure a train's pulses; a doubtful train has a reason instead."""
     if len(windows) < FEWEST:
         return "its pulses are cut off by gaps or by the recording's ends"
     tag = measure_pulses(train.beats, windows, center_hz + train.frequency_hz)
@@ -202,7 +203,7 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Find points in the whole band or about a frequency; relative to the band's centre.
+    """Find points in the whole band or around a frequency; relative to the band's centre.
 
     Their times count from the second value [ns]; the third is the duration of the samples.
     """
@@ -236,7 +237,7 @@ def _blocks(
     report: Callable[[float], None],
     on_fault: Callable[[UavrtError], None] | None,
 ) -> Iterator[IQBlock]:
-    """Read a recording to its end, or as far as it goes."""
+    """Read a recording up to its end or the first fault."""
     done = 0
     while True:
         try:
@@ -264,7 +265,7 @@ def _cut(
     suspects_hz: Sequence[float],
     start_ns: int,
 ) -> tuple[list[list[PulseWindow]], list[NDArray[np.float64]]]:
-    """Cut the samples about each pulse out of a narrow channel; find the pulses of bursts."""
+    """Cut the samples around each pulse out of a narrow channel; find the pulses of bursts."""
     center_hz = source.center_frequency_hz
     offsets_hz = [*(train.frequency_hz for train in trains), *suspects_hz]
     front_end = FrontEnd(
@@ -287,7 +288,7 @@ def _cut(
 
 
 class _Cutter:
-    """Cuts the windows of one tag out of the stream of its channel."""
+    """Cuts the windows of one tag out of the samples of its channel."""
 
     def __init__(
         self, train: Train, frequency_hz: float, rate_hz: float, start_ns: int
@@ -305,7 +306,6 @@ class _Cutter:
         self.windows: list[PulseWindow] = []
 
     def process(self, block: ChannelBlock) -> None:
-        """Take the channel's next block."""
         if block.lost_before:
             self._held = self._held[:0]
         self._times.add(block.sample_index, block.time_ns)

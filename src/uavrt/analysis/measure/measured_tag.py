@@ -1,4 +1,4 @@
-"""What a recording reveals about a tag, and the tag file entry made from it."""
+"""Measured properties of a tag, and the tag list entry made from them."""
 
 import math
 from dataclasses import dataclass
@@ -7,8 +7,8 @@ from typing import Final
 from uavrt.messages import Tag
 
 INTERVAL_MARGIN: Final = 0.01
-"""Of the interval, suggested as its uncertainty: with temperature and battery a tag's interval
-moves by some tenths of a percent."""
+"""Suggested relative uncertainty of the interval: with temperature and battery a tag's interval
+changes by some tenths of a percent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,24 +18,24 @@ class MeasuredRate:
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of a pulse about the regular beat, our own error in it."""
+    """Standard deviation of a pulse about the regular beat, including measurement error."""
     largest_deviation_s: float
     drift: float
-    """Change of the interval, as a part of it, from pulse to pulse."""
+    """Relative change of the interval from pulse to pulse."""
     drift_sigma: float
     pulses: int
     missing: int
-    """Places of the beat, between its first pulse and its last, where none was seen."""
+    """Missing pulses between the first and the last of the beat."""
     first_time_ns: int
     last_time_ns: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTag:
-    """What a recording says of a tag; each sigma is one standard deviation."""
+    """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """In the middle of the recording, as this radio's crystal has it."""
+    """Frequency in the middle of the recording, by this radio's crystal."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float
@@ -48,10 +48,10 @@ class MeasuredTag:
     """The one with the most pulses first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Make a tag entry, with room for what a season changes.
+        """Tag list entry with margins for seasonal changes.
 
-        The interval's uncertainty is 1 % of it, or what the recording says if that is more;
-        the jitter is a quarter above the largest deviation seen. Two rates at most.
+        The interval's uncertainty is 1 % of it, or the measured one if greater. The jitter is a
+        quarter above the largest deviation. Two rates at most.
         """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)

@@ -1,8 +1,8 @@
-"""One pulse, measured: start, end and frequency of a rectangular burst of carrier in noise.
+"""Measure one pulse: start, end and frequency of a rectangular burst of carrier in noise.
 
-For a carrier of frequency f that is on from sample a to sample b, the logarithm of the
-likelihood, maximised over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise,
-C the running sum of the samples turned back by f. All pairs (a, b) are tried at once.
+For a carrier of frequency f that is on from sample a to sample b, the log likelihood, maximised
+over amplitude and phase, is ``|C[b] - C[a]|² / (b - a)`` over the noise. C is the running sum
+of the samples shifted by -f. All pairs (a, b) are tried at once.
 """
 
 from dataclasses import dataclass
@@ -15,29 +15,30 @@ from numpy.typing import NDArray
 COARSE: Final = 4
 """Step of the first search for the edges [samples]."""
 SMOOTH_S: Final = 0.002
-"""Hann window that takes away what is more than 1 kHz off; the edges' middles stay."""
+"""Length of the Hann window that removes signals more than 1 kHz off [s]; pulse edges stay in
+place."""
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
-"""A sample with so many times the power usual before it and usual after it is an impulse; in
-noise that happens once in 10¹², at the edge of a pulse one side is as strong as the sample."""
+"""Ratio of a sample's power to the usual power on both sides that marks an impulse. Noise
+reaches it once in 10¹²; at the edge of a pulse one side is as strong as the sample."""
 MOST_CARRIERS: Final = 4
 CARRIER_RATIO: Final = 30.0
-"""Of a carrier's peak to the median of the spectrum."""
+"""Ratio of a carrier's peak to the median of the spectrum."""
 SHORTEST_S: Final = 0.004
 LONGEST_S: Final = 0.080
 TURNS: Final = 3
-"""Frequency and edges are measured in turn until they agree."""
+"""Number of times that frequency and edges are refined in turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedPulse:
-    """What one pulse was like."""
+    """Measured edges, frequency and energy of one pulse."""
 
     start_s: float
-    """Since the first of the samples that were given."""
+    """Time from the first sample given."""
     width_s: float
     frequency_hz: float
-    """Relative to the centre of the samples."""
+    """Frequency relative to the centre of the samples."""
     energy: float
     """Squared amplitude times width, times the sample rate."""
 
@@ -47,10 +48,8 @@ def fit_pulse(
 ) -> FittedPulse:
     """Measure the strongest pulse in some samples.
 
-    `samples` (n,): around one pulse: it lies in their middle half, noise alone in the outer
-    quarters.
-    `frequency_hz`: about the carrier's frequency; to within a fifth of a pulse's bandwidth or
-    so.
+    `samples` (n,): the pulse lies in their middle half; the outer quarters contain noise only.
+    `frequency_hz`: of the carrier, to within about a fifth of a pulse's bandwidth.
     """
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
@@ -78,7 +77,7 @@ def fit_pulse(
 def without_impulses(
     samples: NDArray[np.complex64], sample_rate_hz: float
 ) -> NDArray[np.complex64]:
-    """Put zeros where single samples stand far above both of their sides."""
+    """Set single samples far above both of their sides to zero."""
     side = max(4, round(IMPULSE_S * sample_rate_hz))
     power = samples.real**2 + samples.imag**2
     padded = np.pad(power, side, mode="edge")
@@ -94,10 +93,10 @@ def without_impulses(
 
 
 def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Subtract steady carriers, as the outer quarters of the samples show them.
+    """Subtract steady carriers, estimated in the outer quarters of the samples.
 
-    The pulse is in the middle half, so it takes no part. Each carrier is the peak of the
-    spectrum of what is left, fitted by least squares.
+    The pulse lies in the middle half, so it does not affect the estimate. Each carrier is the
+    peak of the remaining spectrum, fitted by least squares.
     """
     count = samples.size
     outer = np.ones(count)
@@ -127,7 +126,7 @@ def _turned(count: int, cycles: float) -> NDArray[np.complex128]:
 
 
 def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tuple[int, int]:
-    """Pair of samples between which the energy over the length is greatest."""
+    """Pair of samples between which energy over length is greatest."""
     best, edges = -1.0, (0, shortest)
     for length in range(shortest, longest + 1):
         gathered = running[length:] - running[:-length]
@@ -155,7 +154,7 @@ def _better_edges(
 
 
 def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> float:
-    """Frequency of greatest likelihood: the spectrum's peak, refined by a parabola."""
+    """Most likely frequency: the spectrum's peak, refined by a parabola."""
     size = int(scipy.fft.next_fast_len(16 * pulse.size))
     power = np.abs(scipy.fft.fft(pulse, size)) ** 2
     frequencies = scipy.fft.fftfreq(size, 1.0 / rate_hz)
@@ -169,10 +168,10 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Edges to a fraction of a sample: how much of the amplitude the samples at them hold.
+    """Edges to a fraction of a sample.
 
-    The edge samples of a pulse hold the part of them that it covers. Each edge is moved until
-    the gathered amplitude is what the inside of the pulse tells.
+    An edge sample of a pulse holds the part of the amplitude that it covers. Each edge is moved
+    until the summed amplitude agrees with that inside the pulse.
     """
     length = last - first
     inset = max(1, length // 8)

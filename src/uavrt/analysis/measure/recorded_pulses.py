@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from uavrt.detection.coded.detector import CodedDetector
 
 _LOOK_S: Final = 0.5
-"""How often a waiting reader looks whether it should stop."""
+"""Interval at which a waiting reader checks for a stop [s]."""
 
 
 def _coded_detector() -> "type[CodedDetector]":
-    """Import it when a coded tag is listed: it loads scipy.special, 22 MB."""
+    """Import the coded detector when a coded tag is listed: it loads scipy.special, 22 MB."""
     from uavrt.detection.coded.detector import CodedDetector
 
     return CodedDetector
 
 
 class DetectionChain:
-    """Blocks of a radio in, pulses of all tags out.
+    """Converts blocks of a radio into pulses of all tags.
 
     `tags`: what to look for; at least one.
     `sample_rate_hz`, `center_frequency_hz`: of the blocks that will come.
@@ -46,11 +46,10 @@ class DetectionChain:
     than the channel holds means the whole channel.
     `operating_modes`: for each tag's number; without one the soft lock.
     `excluded_hz`: absolute stretches in which no pulse is reported, bounds included.
-    `on_channel`: takes each block of a channel before the detectors do; its samples are
-    numbers.
+    `on_channel`: takes each block of a channel before the detectors do; its samples are finite.
     `on_band`: takes each block of the radio, and the same at the rate of the tags' band, if all
-    of its samples are numbers.
-    Raises `ConfigError`: no tags, or a window that is not one.
+    of its samples are finite.
+    Raises `ConfigError`: no tags, or an invalid window.
     Raises `TunerError`: tags outside the span of these samples; all of them are listed.
     Raises `UsageError`: no channels can be made at this sample rate.
     """
@@ -78,16 +77,17 @@ class DetectionChain:
         self._carriers = Carriers()
         self._input_check = InputCheck(tags, center_frequency_hz)
         self.input_faults: list[str] = []
-        """What is poor about the samples, each once."""
+        """Problems of the input samples, each once."""
         self._center_frequency_hz = center_frequency_hz
         self.invalid_samples = 0
-        """Samples of a channel that were not numbers and were replaced by zero."""
+        """Channel samples that were not finite and were replaced by zero."""
         self._suspect_s = 0.0
-        """So much longer a value that was no number may come out of the channels' filters."""
+        """Time for which a value that was not finite still affects the channels' filters
+        [s]."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
         self.on_band = on_band
-        """Gets each block and its decimated band; not part of a state that is kept."""
+        """Receives each block and its decimated band; not part of a saved state."""
         modes = {} if operating_modes is None else operating_modes
         self._front_end = FrontEnd(
             sample_rate_hz=sample_rate_hz,
@@ -126,7 +126,7 @@ class DetectionChain:
             )
 
     def process(self, block: IQBlock) -> list[Pulse]:
-        """Process the next block; get the pulses that are certain by now."""
+        """Process the next block; returns the pulses that are certain by now."""
         self.clipping.look(block)
         self.input_faults += self._input_check.look(block)
         self._carriers.look(block, self._center_frequency_hz)
@@ -158,7 +158,7 @@ class DetectionChain:
         return self._reported(self._group.collect() + bursts)
 
     def _finite(self, channel: ChannelBlock) -> ChannelBlock:
-        """Replace values that are not numbers by zeros."""
+        """Replace values that are not finite by zeros."""
         good = np.isfinite(channel.samples)
         if good.all():
             return channel
@@ -166,12 +166,12 @@ class DetectionChain:
         return replace(channel, samples=np.where(good, channel.samples, np.complex64(0.0)))
 
     def flush(self) -> list[Pulse]:
-        """End the stream: get the pulses of all groups that are complete."""
+        """End the stream: returns the pulses of all groups that are complete."""
         bursts = [pulse for coded in self._coded.values() for pulse in coded.flush()]
         return self._reported(self._group.flush() + bursts)
 
     def search_reports(self) -> list[SearchReport]:
-        """Return what was searched in vain since the last call, about one a second and tag."""
+        """Reports of searches without a pulse since the last call, one a second and tag."""
         searching: list[PulseDetector | CodedDetector] = [*self._group.detectors]
         searching += self._coded.values()
         return [report for detector in searching for report in detector.search_reports()]
@@ -190,7 +190,7 @@ class DetectionChain:
 
 @dataclass(slots=True)
 class Searched:
-    """In what a tag's frequency was searched, over a run."""
+    """Search conditions at a tag's frequency, over a run."""
 
     _reports: int = 0
     _usable: float = 0.0
@@ -209,47 +209,48 @@ class Searched:
 
     @property
     def weakest_enr_db(self) -> float:
-        """Mean ENR [dB] at which nine groups of ten would have been found."""
+        """Mean ENR [dB] at which nine of ten groups would have been found."""
         return self._weakest_db / self._reports
 
 
 @dataclass(slots=True)
 class DetectionSummary:
-    """What a run did."""
+    """Counts of a run."""
 
     samples: int = 0
     samples_lost: int = 0
     samples_unsure: int = 0
-    """Missing by the arrivals of a live stream, unless the radio's crystal is far off."""
+    """Missing samples, estimated from arrival times of a live stream if the crystal is not far
+    off."""
     signal_s: float = 0.0
-    """Duration of the samples, lost ones counted."""
+    """Duration of the samples, lost ones included."""
     elapsed_s: float = 0.0
     invalid_samples: int = 0
     stopped: bool = False
-    """True when it was told to stop before the end."""
+    """True when it was stopped before the end."""
     pulses: dict[int, int] = field(default_factory=dict)
-    """For each tag's number."""
+    """Number of pulses by tag."""
     confirmed: dict[int, int] = field(default_factory=dict)
     ambiguous: dict[int, int] = field(default_factory=dict)
-    """Of the confirmed those that may be of another listed tag."""
+    """Confirmed pulses that may be of another listed tag, by tag."""
     ghosts: dict[tuple[int, int], int] = field(default_factory=dict)
-    """Of the others those that the receiver made of another tag: for each tag and that one."""
+    """Unconfirmed pulses caused by another tag in the receiver, by tag and other tag."""
     clipped: int = 0
     """Pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0
-    """Of the time that in which it was."""
+    """Share of the time in which the converter was at its limits."""
     input_faults: list[str] = field(default_factory=list)
-    """What is poor about the samples."""
+    """Problems of the input samples."""
     searched: dict[int, "Searched"] = field(default_factory=dict)
-    """For each tag's number, in what its frequency was searched."""
+    """Search conditions by tag."""
 
     @property
     def times_real_time(self) -> float:
-        """Speed: seconds of signal in a second."""
+        """Processing speed: seconds of signal in a second."""
         return self.signal_s / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
 
     def note(self, reports: Sequence[SearchReport]) -> None:
-        """Add what detectors report of the seconds that they have searched."""
+        """Add the detectors' reports of searched seconds."""
         for report in reports:
             if report.usable_share is not None and report.weakest_enr_db is not None:
                 self.searched.setdefault(report.tag_id, Searched()).add(
@@ -257,7 +258,7 @@ class DetectionSummary:
                 )
 
     def count(self, pulse: Pulse) -> None:
-        """Count a pulse that was written."""
+        """Add a written pulse to the counts."""
         self.pulses[pulse.tag_id] += 1
         self.confirmed[pulse.tag_id] += pulse.confirmed
         self.clipped += pulse.clipped
@@ -288,12 +289,12 @@ def detect(
     `source`: a recording or a live stream; the caller closes it.
     `write`: takes pulses as soon as they are found.
     `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
-    `operating_modes`, `excluded_hz`, `on_channel`, `on_band`: as of `DetectionChain`.
-    `should_stop`: asked at least twice a second; True ends the run in good order.
+    `operating_modes`, `excluded_hz`, `on_channel`, `on_band`: as in `DetectionChain`.
+    `should_stop`: called at least twice a second; True ends the run in good order.
     `on_progress`: takes the samples done and their total after each block.
-    `on_reports`: takes what was searched in vain, maybe nothing; called at least twice a
+    `on_reports`: takes reports of searches without a pulse, maybe none; called at least twice a
     second.
-    `summary`: filled while running, so that it is there also after an error.
+    `summary`: filled while running, so that it is available after an error.
     Raises `UavrtError`: the source failed, or the tags do not fit it. Pulses found before were
     written.
     """

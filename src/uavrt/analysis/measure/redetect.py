@@ -1,7 +1,7 @@
-"""Detect again in a recording made in a flight, and give the pulses that flight's poses.
+"""Search the recording of a flight again, and give the pulses that flight's poses.
 
-The result is a flight directory like any other, so every later command takes it: for tags that
-were added afterwards, for another frequency window, for a better detector.
+The result is an ordinary flight directory for all later commands. Use it for tags that were
+added afterwards, another frequency window, or a better detector.
 """
 
 import shutil
@@ -25,7 +25,7 @@ class FlightWriter:
 
     `flight`: the flight whose recording is searched.
     `source`: the recording, for its rate and frequency.
-    `directory`: where to write; None: a new directory beside the flight's.
+    `directory`: output; None: a new directory next to the flight's.
     `searched`: window and operating mode of the search, for the new flight's settings.
     Raises `RecordingError`: the place cannot be written, or already holds a flight.
     """
@@ -64,7 +64,7 @@ class FlightWriter:
 
     @property
     def with_pose(self) -> int:
-        """Pulses that got a pose."""
+        """Number of pulses with a pose."""
         return self._attacher.attached + self._attacher.extrapolated
 
     @property
@@ -87,7 +87,7 @@ class FlightWriter:
         self._recorder.close()
 
     def discard(self) -> None:
-        """Take the new flight away: nothing was searched, and nobody is to count it."""
+        """Remove the new flight when nothing was searched, so that it is not counted."""
         self._recorder.close()
         for path in set(self.directory.iterdir()) - self._before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -95,7 +95,7 @@ class FlightWriter:
             self.directory.rmdir()
 
     def _copy(self, flight: Flight) -> None:
-        """Take over what the flight recorded beside pulses."""
+        """Copy the flight's other records."""
         for first in range(0, len(flight.poses), 1000):
             self._recorder.write_poses(Poses(poses=flight.poses[first : first + 1000]))
             self._recorder.commit()
@@ -106,7 +106,7 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Give pulses the antenna's poses in the flight in which they were received.
+    """Give pulses the antenna's poses of the flight in which they were received.
 
     `flight`: with the vehicle's poses, and how the antenna sits on it.
     Returns: in order of time and tag; without a pose outside of the flight.
@@ -120,7 +120,7 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
 
 
 def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
-    """Make what knows all poses of a flight: nothing arrives late, so nothing waits."""
+    """Pose attacher with all poses of a flight; no pulse has to wait for later ones."""
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
         ring.add_pose(pose)
@@ -128,7 +128,7 @@ def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
 
 
 def _with_search(settings: Settings, searched: DetectionSettings) -> Settings:
-    """The flight's settings, but with the search as it was done now."""
+    """The flight's settings with those of the new search."""
     detection = replace(
         settings.detection,
         frequency_window_hz=searched.frequency_window_hz,

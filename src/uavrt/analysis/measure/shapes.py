@@ -1,4 +1,4 @@
-"""Bearings and positions as lines and areas on the earth, for maps of all kinds."""
+"""Bearings and positions as lines and areas in WGS84, for maps of all kinds."""
 
 import math
 from collections.abc import Sequence
@@ -12,17 +12,17 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
 Point = tuple[float, float]
-"""Longitude, latitude [deg], as GeoJSON has it."""
+"""Longitude, latitude [deg], the order of GeoJSON."""
 
 RAY_M = 1500.0
-"""A ray whose tag has no position is drawn that long."""
+"""Length of a bearing line whose tag has no position [m]."""
 REGION_SHARES = (50, 95)
-"""Of a position's regions, in percent."""
+"""Probabilities of a position's regions [%]."""
 _STEP_DEG = 5.0
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
-    """How long to draw a bearing: a fifth beyond the tag's position, else `RAY_M`."""
+    """Length of a bearing line: a fifth beyond the tag's position, else `RAY_M`."""
     if position is None:
         return RAY_M
     plane = _plane(bearing)
@@ -37,7 +37,7 @@ def ray(bearing: TagBearing, length_m: float) -> list[Point]:
 
 
 def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
-    """Closed area of the 90 % interval, counter-clockwise; None when it is not known."""
+    """Closed area of the 90 % interval, counter-clockwise; None when it is unknown."""
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
@@ -49,7 +49,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Closed area that holds the tag with 95 %, counter-clockwise; None when not known.
+    """Closed area that holds the tag with 95 %, counter-clockwise; None when unknown.
 
     The ellipse when there is one, else the circle.
     """
@@ -76,16 +76,16 @@ def region95(position: Position) -> list[Point] | None:
 
 
 def way_of(position: Position | None) -> list[Point]:
-    """The path of a moving tag; empty for one that rests."""
+    """Path of a moving tag; empty for one that rests."""
     track = () if position is None else position.track
     return [(one.longitude_deg, one.latitude_deg) for one in track]
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """What an operator must know beside a position's circles.
+    """Remarks that belong to a position's circles.
 
-    A walking tag's one place says for which time it stands, unless the way itself is the
-    answer: by strength, or where it was asked for.
+    For a walking tag they state the time of its single place. The remark is left out where the
+    path itself is the result: by strength, or on request.
     """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
@@ -96,7 +96,7 @@ def remarks_of(position: Position) -> tuple[str, ...]:
 
 
 def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
-    """Outlines of the smallest region with some percent; cut at the 180° meridian."""
+    """Outlines of the smallest region with a probability [%], cut at the 180° meridian."""
     if found is None or found.position is None or found.position.grid is None:
         return []
     rings = region_outlines(found.position.grid, share / 100.0)
@@ -108,9 +108,9 @@ def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:
 
 
 def rings95(found: TagPosition | None) -> list[list[Point]]:
-    """Outline of the smallest region with 95 %; of the ellipse or circle where no grid is.
+    """Outlines of the smallest 95 % region; the ellipse or circle where there is no grid.
 
-    For a map of one's own: not cut at the 180° meridian.
+    For local maps: not cut at the 180° meridian.
     """
     if found is None or found.position is None:
         return []
@@ -169,7 +169,7 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
 
 def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
-    """Cut off what lies beyond a meridian (Sutherland and Hodgman 1974); closed again."""
+    """Cut off the part of a ring beyond a meridian (Sutherland and Hodgman 1974)."""
     kept: list[Point] = []
     for before, point in pairwise(ring):
         inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]

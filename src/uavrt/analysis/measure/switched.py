@@ -1,8 +1,8 @@
 """Bearings from the samples of a receiver on an antenna switch.
 
-The detector finds the pulses as ever; their samples are read again from the recording, whose
-metadata say which antenna each was received with. One pulse is enough for a bearing of a
-circle of antennas; those that were heard at one place go together.
+The detector finds the pulses as usual. Their samples are then read again from the recording,
+whose metadata name the antenna of each. A circle of antennas gives a bearing from one pulse;
+pulses received at one place are combined.
 """
 
 import os
@@ -36,10 +36,10 @@ from uavrt.radio.sigmf import sigmf_global
 from uavrt.tangent_plane import TangentPlane
 
 SWITCH_KEY = "uavrt:antenna_switch"
-"""In the global part of the recording's metadata (docs/reference/formats.md)."""
+"""Key in the global part of the recording's metadata (docs/reference/formats.md)."""
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 _EDGE = 0.1
-"""Of a pulse's width left out at each end: its start is known to 1 ms of 20."""
+"""Share of a pulse's width left out at each end: its start is known to 1 ms of 20."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -50,7 +50,7 @@ _METHODS: dict[str, ArrayMethod] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwitchedArray:
-    """The antennas of a recording."""
+    """Antenna array of a recording."""
 
     kind: str
     """``circle``, ``pair`` or ``sum_difference``."""
@@ -60,11 +60,11 @@ class SwitchedArray:
 
     @property
     def method(self) -> ArrayMethod:
-        """The estimator that they are for."""
+        """Estimator for this kind of array."""
         return _METHODS[self.kind]
 
     def steering(self, frequency_hz: float) -> Steering:
-        """What a wave from each direction gives."""
+        """Response of the antennas to a wave from each direction."""
         size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
         if self.kind == "circle":
             return circle_steering(self.schedule.positions, size)
@@ -72,10 +72,9 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Read from a SigMF recording which antennas it was received with.
+    """Read the antenna array from a SigMF recording's metadata.
 
-    Raises `FormatError`: it is no SigMF recording, or does not say so, or says something
-    impossible.
+    Raises `FormatError`: it is no SigMF recording, or the array is missing or invalid.
     """
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
@@ -114,10 +113,10 @@ def switched_bearings(
     *,
     offset_deg: float = 0.0,
 ) -> list[TagBearing]:
-    """One bearing for each tag and each place at which it was heard.
+    """One bearing for each tag and place where it was heard.
 
     `recording`: the SigMF recording that the pulses were found in.
-    `pulse_poses`: they, with the antenna's pose; those without one are passed over.
+    `pulse_poses`: pulses with the antenna's pose; those without one are skipped.
     `offset_deg`: antenna clockwise from the heading that the pulses carry.
     Raises `FormatError`: the recording cannot be read or does not describe its antennas.
     Raises `UsageError`: no pulse has a pose, or none lies in the recording.
@@ -151,7 +150,7 @@ _Measured = tuple[PulsePose, SwitchedPulse]
 def _measured(
     recording: Path, array: SwitchedArray, placed: Sequence[PulsePose]
 ) -> Iterator[_Measured]:
-    """Read the recording once, in order, and measure each pulse that lies whole in it."""
+    """Read the recording in order, and measure each pulse that lies completely in it."""
     source = open_recording(recording)
     try:
         waiting = list(placed)
@@ -193,7 +192,7 @@ def _measured(
 
 
 def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
-    """First and last sample of a pulse without its edges, lost ones counted."""
+    """First and last sample of a pulse without its edges, lost samples included."""
     width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
     edge_ns = _EDGE * width_ns
     begin = times.index(one.pulse.start_time_ns + round(edge_ns))
@@ -201,7 +200,7 @@ def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
 
 
 def _by_place(measured: Sequence[_Measured]) -> Iterator[list[_Measured]]:
-    """Pulses in a row that were heard within some metres."""
+    """Consecutive pulses received within some metres."""
     group: list[_Measured] = []
     plane: TangentPlane | None = None
     for one in measured:

@@ -1,4 +1,4 @@
-"""Read tags from any file that describes them, with the extra facts that the file holds."""
+"""Read tags from any file that describes them, with the file's other search settings."""
 
 import os
 import re
@@ -17,20 +17,20 @@ _KEYS_OF_ITS_OWN = re.compile(rb"(?:^|[\r\n])[ \t]*(?:tagFreqMHz|channelCenterFr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagSource:
-    """What to look for, and how."""
+    """Tags to search for, and search settings."""
 
     tags: tuple[Tag, ...]
     operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
-    """For each tag's number; a tag without one is searched with the soft lock."""
+    """Operating mode by tag; others are searched with the soft lock."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
-    """Absolute stretches in which nothing is reported."""
+    """Absolute frequency ranges in which nothing is reported."""
     sample_rate_hz: float | None = None
-    """Rate of the tag's channel, where the file says it."""
+    """Rate of the tag's channel, where the file contains it."""
     center_frequency_hz: float | None = None
-    """Centre of the tag's channel, where the file says it."""
+    """Centre of the tag's channel, where the file contains it."""
 
     def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
-        """Leave out the tags outside of a recording's band; if all are, none."""
+        """Leave out the tags outside a recording's band."""
         reach_hz = widest_half_span_hz(sample_rate_hz)
         inside = tuple(
             tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz
@@ -68,7 +68,7 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
 
 
 def _is_detector_config(path: Path) -> bool:
-    """Recognize the file by keys that no other tag file has; an unreadable file is none."""
+    """True for the keys of a detectorConfig.txt; false for an unreadable file."""
     try:
         with path.open("rb") as file:
             return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None

@@ -1,12 +1,12 @@
-"""A spectrogram to look at, for a recording of any length, in fixed memory.
+"""Spectrogram of a recording of any length, in fixed memory.
 
-A column holds the *largest* power of its stretch of time: an average over seconds would drown
-a pulse of 20 ms. When the columns run out, pairs are joined, so that in the end there are half
-to all of them.
+A column holds the *largest* power of its time: an average over seconds would hide a pulse of 20
+ms. When the columns run out, pairs are joined, so that in the end half to all of them are in
+use.
 
 In an hour a column is 3.5 s and a pulse 20 ms: a mean would show the pulse 22 dB weaker. The
 noise looks brighter the longer a column is, so the scale begins at the median of the cells: the
-picture shows what stands out, not absolute levels.
+picture shows contrast, not absolute levels.
 """
 
 from typing import Final
@@ -19,18 +19,18 @@ from uavrt.messages import ChannelBlock
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 COLUMNS: Final = 1024
-"""About as many as a picture has pixels across; no pulse falls between two of them."""
+"""Number of columns: about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
 """Longest trace: 5.8 h at a pulse of 20 ms before pairs are joined; 8 MiB."""
 
 _MOST_OFF: Final = 0.75
-"""Of a frame's distance from the next, half a pulse: so far one may stand beside its time."""
+"""Largest offset of a frame from its time, as a share of half a pulse."""
 
 
 class MaximumHold:
-    """The maxima of a row of values, ever coarser as it grows.
+    """Running maxima of a row of values, joined in pairs when the columns are full.
 
-    `columns`: how many instants, or stretches of instants, are kept; even.
+    `columns`: number of stretches of time kept; even.
     """
 
     def __init__(self, rows: int, columns: int) -> None:
@@ -62,11 +62,12 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram about one tag's frequency, and the strongest level at each instant.
+    """Spectrogram around one tag's frequency, and the strongest level at each time.
 
     `offset_hz`: the tag's frequency relative to the channel's centre.
-    `half_width_hz`: what to show on either side of it, as far as the channel goes.
-    `pulse_width_s`: sets the window: one and a half pulses of a Hann window see all of a pulse.
+    `half_width_hz`: displayed range on either side, limited by the channel.
+    `pulse_width_s`: sets the window: a Hann window of one and a half pulses covers a whole
+    pulse.
     """
 
     def __init__(
@@ -99,13 +100,13 @@ class Waterfall:
         """Time of the left edge [ns, UTC]."""
 
     def add(self, block: ChannelBlock) -> None:
-        """Take the channel's next block."""
+        """Add the channel's next block."""
         if self._next_index is None:
             self._next_index, self.start_time_ns = block.sample_index, block.time_ns
         since_s = (block.time_ns - self.start_time_ns) / NANOSECONDS_PER_SECOND
         since, samples = round(since_s * self._rate_hz), block.samples
         if block.sample_index != self._next_index:
-            # After a gap the frames begin anew, on their old grid.
+            # After a gap the frames restart, on their old grid.
             self._tail = self._tail[:0]
             self._frame = max(0, -(-since // self._hop))
             samples = samples[self._frame * self._hop - since :]

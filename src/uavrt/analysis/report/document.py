@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.93, 0.95, 0.06
 _WIDTH_IN = (_RIGHT - _LEFT) * A4_IN[0]
 _BETWEEN_IN = 0.06
-"""Between columns of a table."""
+"""Space between columns of a table."""
 _LINE = 0.0155
-"""Height of a line of 9 points over that of the page, with space between."""
+"""Line height of 9-point text, with spacing, as a share of the page's height."""
 
 
 def pdf_document(survey: Survey) -> bytes:
@@ -56,7 +56,7 @@ def pdf_document(survey: Survey) -> bytes:
 
 
 class _Book:
-    """Pages one after the other."""
+    """Pages of the PDF, in order."""
 
     def __init__(self, pages: "PdfPages", survey: Survey) -> None:
         self._pages = pages
@@ -64,7 +64,6 @@ class _Book:
         self._number = 0
 
     def first_page(self) -> None:
-        """Title, warnings, where the tags are, the map."""
         survey = self._survey
         writer = _Writer(self)
         writer.text(survey.name, size=16, weight="bold")
@@ -88,7 +87,6 @@ class _Book:
         writer.end_page()
 
     def search_pages(self, search: searches.FlownSearch) -> None:
-        """What a search found and did not, its way, its decisions."""
         survey = self._survey
         writer = _Writer(self)
         writer.text("Search by the drone itself", size=14, weight="bold")
@@ -105,7 +103,6 @@ class _Book:
         writer.end_page()
 
     def tag_page(self, tag_id: int) -> None:
-        """Map, roses and times of one tag; more roses on pages of their own."""
         survey = self._survey
         figure = self.page()
         title = f"Tag {words.title_of(survey, tag_id)}"
@@ -140,7 +137,6 @@ class _Book:
             self.save(figure)
 
     def fold_page(self, one: FlightFold) -> None:
-        """The flight folded at a tag's interval."""
         survey = self._survey
         writer = _Writer(self)
         title = f"Tag {words.title_of(survey, one.tag_id)} over the whole flight"
@@ -154,7 +150,6 @@ class _Book:
         writer.end_page()
 
     def silence_page(self, one: SilentMap) -> None:
-        """Where a tag would have been heard."""
         survey = self._survey
         writer = _Writer(self)
         title = f"Where tag {words.title_of(survey, one.tag_id)} would have been heard"
@@ -167,7 +162,6 @@ class _Book:
         writer.end_page()
 
     def last_pages(self) -> None:
-        """Tables, system, methods."""
         survey = self._survey
         writer = _Writer(self)
         writer.table("Tags", words.tag_table(survey), (15, 10, 10, 7, 10, 19, 11, 8))
@@ -198,11 +192,9 @@ class _Book:
         writer.end_page()
 
     def page(self) -> "Figure":
-        """Begin a page."""
         return new_figure(*A4_IN)
 
     def save(self, figure: "Figure") -> None:
-        """Number a page and add it."""
         self._number += 1
         figure.text(_RIGHT, 0.025, str(self._number), ha="right", color=SOFT, size=8)
         name, *more = wrapped(self._survey.name, _WIDTH_IN - 0.5, size=8)
@@ -211,7 +203,7 @@ class _Book:
 
 
 class _Writer:
-    """Text from the top of a page down, on the next page when it is full."""
+    """Writes text from the top of a page down, and continues on the next page."""
 
     def __init__(self, book: _Book) -> None:
         self._book = book
@@ -220,13 +212,12 @@ class _Writer:
 
     @property
     def left(self) -> float:
-        """Room left on the page, of its height."""
+        """Room left on the page, as a share of its height."""
         return self.top - _BOTTOM
 
     def text(
         self, text: str, *, size: float = 9, weight: str = "normal", color: str = "#1b2430"
     ) -> None:
-        """Write a paragraph."""
         for line in wrapped(text, _WIDTH_IN, size=size, bold=weight == "bold"):
             self.room(_LINE * size / 9)
             self.figure.text(
@@ -235,17 +226,15 @@ class _Writer:
             self.top -= _LINE * size / 9
 
     def skip(self, lines: float = 1.0) -> None:
-        """Leave room."""
         self.top -= lines * _LINE
 
     def room(self, height: float) -> None:
-        """Go to the next page unless there is that much room."""
+        """Go to the next page unless there is enough room."""
         if self.left < height:
             self.end_page()
             self.figure = self._book.page()
 
     def table(self, title: str, table: words.Table, widths: tuple[int, ...]) -> None:
-        """Write a table; `widths` are in characters and together at most 92."""
         header, rows = table
         self.room(5 * _LINE)
         self.text(title, size=12, weight="bold")
@@ -273,14 +262,13 @@ class _Writer:
         self.top -= 0.2 * _LINE
 
     def end_page(self) -> None:
-        """Save the page and begin another."""
         self._book.save(self.figure)
         self.figure = self._book.page()
         self.top = _TOP
 
 
 def _headed(figure: "Figure", title: str, color: str, *, bold: bool = False) -> float:
-    """Write a page's title; gives how high the rest may reach, as a share of the page."""
+    """Write a page's title; returns how high the rest may reach, as a share of the page."""
     lines = wrapped(title, _WIDTH_IN, size=14, bold=bold)
     weight = "bold" if bold else "normal"
     for number, line in enumerate(lines):
@@ -296,7 +284,7 @@ def _rule(height: float) -> "Artist":
 
 
 def _part(figure: "Figure", bottom: float, height: float) -> "FigureBase":
-    """Part of a page between the margins; shares are of the page's height."""
+    """Axes between the margins; shares are of the page's height."""
     grid = figure.add_gridspec(
         3,
         3,

@@ -1,7 +1,7 @@
-"""Flights folded at a tag's interval, where a person sees what the figure says.
+"""Flights folded at a tag's interval, to check a detection by eye.
 
-Phase runs to the right and time downwards, as pulsars are shown: a tag is an upright line in
-noise. The profile above it is the sum of all rows, each pulse weighed as in the search.
+Phase runs to the right and time downwards, as for pulsars: a tag is an upright line in noise.
+The profile above is the sum of all rows, each pulse weighed as in the search.
 """
 
 from typing import TYPE_CHECKING
@@ -22,11 +22,11 @@ CAPTION = (
     "figure is not to be believed either."
 )
 _LOWEST, _HIGHEST = -2.0, 6.0
-"""Of the colors [standard deviations]."""
+"""Range of the color scale [standard deviations]."""
 
 
 def draw_fold(target: "FigureBase", fold: "FlightFold", color: str) -> None:
-    """Draw the sum over the flight above, and its parts below."""
+    """Draw the summed profile, and the fold below it."""
     above, below = target.subplots(2, 1, sharex=True, height_ratios=(1, 2.6))
     half_ms = 500.0 * fold.interval_s
     profile = np.array(fold.profile)

@@ -1,4 +1,4 @@
-"""A map below the flight, from a map file that is at hand: nothing is fetched."""
+"""Background map from a local map file; nothing is downloaded."""
 
 import io
 import math
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TILES_ACROSS = 3.0
-"""A picture of four tiles or fewer each way: 1024 pixels, 1 to 2 MB in the report."""
+"""Tiles across a picture: at most four each way, 1024 pixels, 1 to 2 MB in the report."""
 MOST_SIDE = 1024
 _PALE = 0.5
-"""How much white is laid over the map, so that lines on it can be read."""
+"""Opacity of the white layer over the map that keeps lines readable."""
 
 _Pixels = NDArray[np.float64]
 
 
 def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> None:
-    """Lay the finest map that covers the axes below them, and say whose it is.
+    """Draw the finest map that covers the axes, with its attribution.
 
     The tiles' web Mercator is stretched to the metres of the axes at two corners: over 4 km
     that is right to a few metres.
@@ -66,7 +66,7 @@ def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> N
 
 
 def maps_under(survey: Survey) -> list[MapFile]:
-    """Maps that may lie under the pictures of a report: those of the flight's first place."""
+    """Map files that cover the first place of a flight."""
     if not survey.track:
         return []
     first = survey.track[0]
@@ -77,7 +77,7 @@ def maps_under(survey: Survey) -> list[MapFile]:
 def _picture(
     one: MapFile, area: tuple[float, float, float, float]
 ) -> tuple[_Pixels, tuple[float, float, float, float]] | None:
-    """Tiles of an area put together, and its north, west, south and east edge."""
+    """Tiles of an area joined into one picture, and its north, west, south and east edge."""
     west, south, east, north = area
     wide = max(east - west, 1e-9) / 360.0
     wanted = math.floor(math.log2(TILES_ACROSS / wide))
@@ -106,7 +106,7 @@ def _picture(
 
 
 def _pixels(content: bytes | None) -> _Pixels | None:
-    """Red, green and blue of a tile, 0 to 1; None for what is no square picture."""
+    """Red, green and blue of a tile, 0 to 1; None for anything but a square picture."""
     from matplotlib.image import imread
 
     if content is None:

@@ -1,4 +1,4 @@
-"""A survey with a monopole by height: SNR over height, from the side, a map of each layer."""
+"""A monopole survey by height: SNR over height, side view, a map of each height range."""
 
 from typing import TYPE_CHECKING
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 COLUMNS = 2
-"""Maps of layers beside each other."""
+"""Number of maps in a row."""
 PER_PAGE = 6
 
 
 def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
-    """Draw SNR over the height of the drone; beside it from the side, if flown at several."""
+    """Draw SNR over the drone's height, and the side view if flown at several heights."""
     section = signal.section
     if section is None:
         axes = target.subplots()
@@ -42,7 +42,9 @@ def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
 def draw_layers(
     target: "FigureBase", survey: Survey, signal: TagSignal, first: int = 0
 ) -> None:
-    """Draw a map of each layer of heights, in the same colours: `PER_PAGE` from `first` on."""
+    """Draw maps of the height ranges from number `first` on, `PER_PAGE` at most, in one color
+    scale.
+    """
     layers = signal.layers[first : first + PER_PAGE]
     every = np.concatenate(
         [one.surface.snr_db.ravel() for one in signal.layers if one.surface is not None]

@@ -36,7 +36,7 @@ _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
-"""Width of its texts: it must not reach the arrow to the north, on the other side."""
+"""Width of the legend's texts; keeps clear of the north arrow on the other side."""
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
@@ -187,13 +187,13 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
 
 
 def finish_legend(axes: "Axes") -> None:
-    """Show what the lines are, if anything has a name."""
+    """Draw the legend, if anything has a name."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="upper right", fontsize=7.5)
 
 
 def draw_track(chart: LocalMap, survey: Survey) -> None:
-    """Draw where the drone flew."""
+    """Draw the drone's path."""
     poses = thinned(survey.track)
     east, north = chart.line((pose.longitude_deg, pose.latitude_deg) for pose in poses)
     chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2, label="flight")
@@ -242,7 +242,7 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
 
 
 def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
-    """Draw the places of a whole flight, all of those that it cannot tell apart."""
+    """Draw the places by a whole flight, including those it cannot distinguish."""
     verdict, places = survey.verdict_of(tag_id), _hindsight_places(survey, tag_id)
     if verdict is None or not places:
         return
@@ -258,7 +258,7 @@ def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None
 
 
 def _hindsight_places(survey: Survey, tag_id: int) -> list[Point]:
-    """Places of a whole flight; none where only a direction is known."""
+    """Places by a whole flight; none where only a direction is known."""
     verdict = survey.verdict_of(tag_id)
     parts = () if verdict is None else verdict.parts
     return [
@@ -284,7 +284,7 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
-    """Colour the ground by SNR, and mark where it was loudest with the ring of the tag."""
+    """Colour the ground by SNR, and mark the strongest place with the ring of the tag."""
     if signal.surface is not None:
         drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
@@ -295,7 +295,7 @@ def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
 def draw_surface(
     chart: LocalMap, surface: SignalSurface, limits_db: tuple[float, float] | None = None
 ) -> "QuadMesh":
-    """Colour the ground by SNR; between limits where several maps are to be compared."""
+    """Colour the ground by SNR; between fixed limits for comparable maps."""
     plane = TangentPlane(latitude_deg=surface.latitude_deg, longitude_deg=surface.longitude_deg)
     east, north = np.meshgrid(surface.east_m, surface.north_m)
     x, y = chart.plane.to_local(*plane.to_geodetic(east, north))
@@ -312,7 +312,7 @@ def draw_surface(
 
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
-    """Mark where it was loudest, and the ring that the tag is on."""
+    """Mark the strongest place, and the ring that the tag is on."""
     x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)
@@ -324,7 +324,7 @@ def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
 
 
 _MOST_LABELS = 4
-"""Of a side: more of them run into each other."""
+"""Most labels along a side; more would overlap."""
 
 
 def nice_below(value: float) -> float:

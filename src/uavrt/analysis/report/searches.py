@@ -1,4 +1,4 @@
-"""What a drone did that searched by itself: its way, what it found when, what is unknown."""
+"""An autonomous search flight: its path, finds, decisions and remaining tags."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,28 +26,28 @@ CAPTION = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlownSearch:
-    """The notes of one search, in order of time."""
+    """The log entries of one search, in order of time."""
 
     notes: tuple[SearchNote, ...]
 
     @property
     def begun(self) -> SearchNote:
-        """The first."""
+        """The first entry."""
         return self.notes[0]
 
     @property
     def last(self) -> SearchNote:
-        """The end, or what was known when the recording broke off."""
+        """The end, or the last entry before the recording broke off."""
         return self.notes[-1]
 
     @property
     def decisions(self) -> list[SearchNote]:
-        """Those in which it decided."""
+        """Entries of decisions."""
         return [note for note in self.notes if note.event == "decision"]
 
     @property
     def unknown(self) -> list[SoughtTag]:
-        """Tags that it has not found."""
+        """Tags not found."""
         return [one for one in self.last.tags if one.found_s is None]
 
 
@@ -60,22 +60,22 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
 
 
 def account(survey: Survey, search: FlownSearch) -> list[str]:
-    """Tell in sentences what was asked, how it ended, what is still unknown and where."""
+    """Sentences on the task, how it ended, and where tags not found may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
     ended = last.reason if last.event == "ended" else "the recording breaks off"
     each = f", {minutes / found:.1f} minutes for each animal" if found else ""
-    told = [
+    lines = [
         f"{clock(begun.time_ns)}: {begun.text}. Planner {begun.reason}.",
         f"{clock(last.time_ns)}: {ended}. {found} of {len(last.tags)} found in "
         f"{minutes:.1f} minutes{each}; {len(search.decisions)} decisions.",
     ]
-    return told + [_unknown(survey, one) for one in search.unknown]
+    return lines + [_unknown(survey, one) for one in search.unknown]
 
 
 def _unknown(survey: Survey, one: SoughtTag) -> str:
-    """Where a tag that was not found may be."""
+    """Sentence on where a tag that was not found may be."""
     there = f"Tag {title_of(survey, one.tag_id)} was not found: heard {one.pulses} times, "
     there += f"{one.missed} times not; it is there and beeps with {100 * one.existence:.0f} %."
     if not one.likely:
@@ -88,7 +88,7 @@ def _unknown(survey: Survey, one: SoughtTag) -> str:
 
 
 def found_table(survey: Survey, search: FlownSearch) -> Table:
-    """Each tag that was sought, with the minutes it took."""
+    """Each searched tag, with the minutes it took."""
     header = ["Tag", "Found", "Place", "95 % within", "There", "Heard / not"]
     rows = []
     for one in search.last.tags:
@@ -107,7 +107,7 @@ def found_table(survey: Survey, search: FlownSearch) -> Table:
 
 
 def decision_table(survey: Survey, search: FlownSearch) -> Table:
-    """Each decision and what was found, with the reason."""
+    """Each decision and find, with the reason."""
     rows = [
         [survey.facts.clock(note.time_ns), note.text, note.reason]
         for note in search.notes
@@ -117,7 +117,7 @@ def decision_table(survey: Survey, search: FlownSearch) -> Table:
 
 
 def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> None:
-    """Draw area, way, decisions, what was found and what is unknown."""
+    """Draw area, path, decisions, finds and where remaining tags may be."""
     axes = target.subplots()
     corners = [(longitude, latitude) for latitude, longitude in search.begun.area]
     chart = LocalMap(axes, survey, (), also=corners)

@@ -24,7 +24,7 @@ CAPTION = (
 
 
 def account(survey: Survey, one: SilentMap) -> list[str]:
-    """What a map says, in words."""
+    """Sentences that summarise a coverage map."""
     found = one.coverage
     if one.heard_pulses:
         silent = f"It was heard ({one.heard_pulses} confirmed pulses)."
@@ -44,15 +44,15 @@ def account(survey: Survey, one: SilentMap) -> list[str]:
 
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
-    """Draw the map under the flight's way."""
+    """Draw the map under the flown path."""
     chart = _draw(target, survey, one.coverage, "would have been heard")
     draw_track(chart, survey)
 
 
 def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """Draw a map for itself, as the report has it: with way, degrees, scale and colours.
+    """PNG of a coverage map as in the report: with path, degrees, scale and colours.
 
-    `way`: each (longitude, latitude); where the drone flies or flew [deg].
+    `way`: longitude and latitude of each corner of the flown path [deg].
     """
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
@@ -87,7 +87,6 @@ def _draw(target: "FigureBase", survey: Survey, coverage: Coverage, heard: str) 
 
 
 def _scale() -> "ScalarMappable":
-    """The map's colors from 0 to 1."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
 

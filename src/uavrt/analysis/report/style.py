@@ -1,6 +1,6 @@
-"""How the report's figures look; matplotlib is loaded here and nowhere else.
+"""Style of the report's figures; the only module that loads matplotlib.
 
-Figures are objects: nothing of pyplot's global state, so reports can be made in threads.
+Figures are objects without pyplot's global state, so reports can be made in threads.
 """
 
 import base64
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
 
-# Okabe and Ito, "Color universal design", 2008: told apart by people with any color vision.
+# Okabe and Ito, "Color universal design", 2008: distinct for people with any color vision.
 TAG_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5195")
 INK, SOFT, FAINT = "#1b2430", "#5c6773", "#c9d0d8"
 SNR_COLORS = "viridis"
@@ -44,7 +44,7 @@ _POINTS_PER_IN = 72.0
 
 
 def styled() -> Any:
-    """Make a context in which figures are drawn and saved.
+    """Context in which figures are drawn and saved.
 
     Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     """
@@ -65,14 +65,14 @@ def new_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def svg_data(figure: "Figure") -> str:
-    """Encode a figure as a data URI: text of the page, no request."""
+    """Encode a figure as a data URI, which needs no request."""
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
 
 
 def wrapped(text: str, width_in: float, *, size: float = 9, bold: bool = False) -> list[str]:
-    """Cut a text into lines no wider than so many inches, between words if it can be."""
+    """Wrap a text at a width in inches, between words where possible."""
     lines: list[str] = []
     for word in text.split():
         joined = f"{lines[-1]} {word}" if lines else word
@@ -102,7 +102,7 @@ def _width_in(text: str, size: float, bold: bool) -> float:
 
 
 def outlined() -> Any:
-    """Draw a white edge, for what lies on colors."""
+    """White outline for text and lines on colors."""
     from matplotlib.patheffects import withStroke
 
     return withStroke(linewidth=2.5, foreground="white")
@@ -114,7 +114,7 @@ def tag_color(tag_ids: tuple[int, ...], tag_id: int) -> str:
 
 
 def message(target: "FigureBase", text: str) -> None:
-    """Explain, in place of a figure, why there is none."""
+    """Show the reason for a missing figure in its place."""
     axes: Axes = target.subplots()
     axes.set_axis_off()
     axes.text(0.5, 0.5, text, ha="center", va="center", color=SOFT, wrap=True)

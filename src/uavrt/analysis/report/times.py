@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> None:
-    """Draw SNR of some tags and the heading, over time; turns with a bearing are shaded."""
+    """Draw SNR of some tags, and the heading; turns with a bearing are shaded."""
     pulses = [one for one in survey.every_pulse if one.pulse.tag_id in tag_ids]
     if not pulses and not survey.track:
         message(target, "No pulses and no poses: nothing to draw over time.")
@@ -62,7 +62,7 @@ def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> 
 
 
 def draw_noise(target: "FigureBase", survey: Survey) -> None:
-    """Draw the noise density that the detectors saw, for each tag's frequency."""
+    """Draw the noise density measured by the detectors, for each tag's frequency."""
     axes = target.subplots()
     start_ns = (survey.span_ns or (0, 0))[0]
     drawn = False

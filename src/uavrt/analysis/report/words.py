@@ -83,33 +83,33 @@ SOURCES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Where one tag is, for someone who will walk there."""
+    """Place of one tag, for a person who will walk there."""
 
     tag_id: int
     title: str
     place: str | None
-    """Coordinates to read out; None when there is no position."""
+    """Coordinates; None when there is no position."""
     detail: str
 
 
 def heading_line(survey: Survey) -> str:
-    """When, how long, with what."""
+    """Start, duration, vehicle and antenna of the flight."""
     span = survey.span_ns
     if span is None:
         return "Empty recording."
     minutes = (span[1] - span[0]) / 60e9
     heard = len({one.pulse.tag_id for one in survey.pulse_poses})
     local = survey.facts.local_time(span[0])
-    told = "" if local is None else f" ({local})"
+    local_text = "" if local is None else f" ({local})"
     return (
-        f"{told_utc(span[0])}{told}, {minutes:.1f} minutes · "
+        f"{told_utc(span[0])}{local_text}, {minutes:.1f} minutes · "
         f"{heard} of {_count(len(survey.tag_ids), 'tag')} heard, "
         f"{_count(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
     )
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """One for each tag, in order; what the whole flight said in hindsight is told after it."""
+    """Finding of each tag, in order, followed by results of the whole flight."""
     found = [_finding(survey, tag_id) for tag_id in survey.tag_ids]
     return [
         replace(one, detail=" ".join([one.detail, *hindsight(survey, one.tag_id)]))
@@ -118,7 +118,7 @@ def findings(survey: Survey) -> list[Finding]:
 
 
 def hindsight(survey: Survey, tag_id: int) -> list[str]:
-    """What all pulses of the flight together say of a tag; nothing when nobody has asked."""
+    """Result of judging all pulses together for a tag; empty if that was not run."""
     verdict = survey.verdict_of(tag_id)
     if verdict is None:
         return []
@@ -150,13 +150,13 @@ def _what(survey: Survey, tag_id: int) -> str:
 
 
 def _remarks(verdict: IntegratedVerdict) -> list[str]:
-    """What a verdict does not hold for, as a sentence."""
+    """Limitations of a verdict, as a sentence."""
     text = verdict.remarks
     return [f"{text[:1].upper()}{text[1:]}."] if text else []
 
 
 def tag_table(survey: Survey) -> Table:
-    """What was heard of each tag."""
+    """Summary table of all tags."""
     header = [
         *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
         *(f"Last heard {zones(survey)}", "Bearings"),
@@ -182,7 +182,7 @@ def tag_table(survey: Survey) -> Table:
 
 
 def code_table(survey: Survey) -> Table | None:
-    """Codes as they are listed, and as they were heard; None where no tag is coded."""
+    """Listed and received codes; None where no tag is coded."""
     rows = []
     for tag_id in survey.tag_ids:
         tag = survey.tag(tag_id)
@@ -193,7 +193,7 @@ def code_table(survey: Survey) -> Table | None:
 
 
 def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
-    """Gaps as they are listed, medians of those that were heard, and in how many bursts."""
+    """Listed gaps, medians of the received ones, and number of bursts."""
     heard = [
         np.diff(one.burst_starts_ns) / 1e6
         for one in bursts
@@ -202,12 +202,12 @@ def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
     listed = " ".join(f"{1e3 * gap_s:.1f}" for gap_s in tag.gaps_s)
     if not heard:
         return listed, "–", "0"
-    told = " ".join(f"{gap:.1f}" for gap in np.median(heard, axis=0).tolist())
-    return listed, told, str(len(heard))
+    medians = " ".join(f"{gap:.1f}" for gap in np.median(heard, axis=0).tolist())
+    return listed, medians, str(len(heard))
 
 
 def bearing_table(survey: Survey) -> Table:
-    """All bearings."""
+    """Table of all bearings."""
     time = f"Time {zones(survey)}"
     header = ["Tag", time, "From", "Bearing", "90 % within", "Pulses", "Verdict"]
     rows = []
@@ -228,7 +228,7 @@ def bearing_table(survey: Survey) -> Table:
 
 
 def health_table(survey: Survey) -> Table:
-    """What each process reported about itself."""
+    """Health reports of each process."""
     header = ["Process", "Last word", "Well", "Counted"]
     rows = []
     for process in sorted({one.process for one in survey.health}):
@@ -247,19 +247,19 @@ def health_table(survey: Survey) -> Table:
 
 
 def _plain(count: float) -> str:
-    """Write a count in full; anything else with four digits."""
+    """Write a count in full; other numbers with four digits."""
     return f"{count:,.0f}" if count == round(count) else f"{count:.4g}"
 
 
 def events(survey: Survey) -> list[tuple[str, str]]:
-    """Times and words: notes, and messages of severity warning and above."""
+    """Times and texts of notes, and of messages of severity warning and above."""
     found = [(time_ns, text) for time_ns, text in survey.notes]
     found += [(time_ns, one.text) for time_ns, one in survey.status_texts if one.severity <= 4]
     return [(survey.facts.clock(time_ns), text) for time_ns, text in sorted(found)]
 
 
 def beep_table(survey: Survey) -> Table | None:
-    """What beeped and was not as listed; None where there is nothing."""
+    """Received signals that are not as listed; None where there are none."""
     rows = [
         [
             survey.facts.clock(one.time_ns),
@@ -278,7 +278,7 @@ def beep_table(survey: Survey) -> Table | None:
 
 
 def methods(survey: Survey) -> list[str]:
-    """How everything was computed."""
+    """Sentences on the methods used."""
     hindsight = [HINDSIGHT_METHOD] if survey.verdicts else []
     tags = [tag for tag in map(survey.tag, survey.tag_ids) if tag is not None]
     if any(tag.coded for tag in tags):
@@ -289,7 +289,7 @@ def methods(survey: Survey) -> list[str]:
 
 
 def made_by() -> str:
-    """Who made the report."""
+    """Program version and author of the report."""
     return f"uavrt {uavrt.__version__}"
 
 
@@ -300,7 +300,7 @@ def title_of(survey: Survey, tag_id: int) -> str:
 
 
 def zones(survey: Survey) -> str:
-    """Of which zones the times of tables are."""
+    """Time zones of the tables' times."""
     return survey.facts.zones((survey.span_ns or (0, 0))[0])
 
 
@@ -356,16 +356,16 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
 
 
 def _way(survey: Survey, position: Position) -> list[str]:
-    """Where a moving tag was at first, and between."""
+    """First and intermediate places of a moving tag."""
     if len(position.track) < 2:
         return []
-    told = [
+    places = [
         f"{survey.facts.clock_in_words(one.time_ns)} "
         f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f} "
         f"(within {one.radius95_m:.0f}\u00a0m with 95\u00a0%)"
         for one in (position.track[0], position.track[len(position.track) // 2])
     ]
-    return [f"its track is dotted on the map: at {', at '.join(told)}"]
+    return [f"its track is dotted on the map: at {', at '.join(places)}"]
 
 
 def _caveat(survey: Survey, tag_id: int) -> str:
@@ -397,7 +397,7 @@ def _why_no_position(survey: Survey, tag_id: int) -> str:
 
 
 def _how_searched(reports: Sequence[SearchReport]) -> str:
-    """Sentence on how much of the time a frequency was usable, and for which tags."""
+    """Sentence on the share of time a frequency was usable, and for which tags."""
     usable = [r.usable_share for r in reports if r.usable_share is not None]
     weakest = [r.weakest_enr_db for r in reports if r.weakest_enr_db is not None]
     if not usable or not weakest:

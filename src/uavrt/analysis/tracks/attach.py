@@ -1,9 +1,9 @@
-"""Give pulses the poses of another program's log, with the offset between the two clocks.
+"""Give pulses the poses of another program's log, and estimate the clocks' offset.
 
-An unclear offset is refused: when one 5 s away explains the logs nearly as well (misfit within
-15 %), or when its standard deviation (jackknife over eighths of the flight) moves the headings
-of a turn by more than 3°. A single turn at a constant rate fits any offset with another
-bearing; starts, stops and several places tell them apart.
+An unclear offset is rejected: when one 5 s away fits the logs nearly as well (misfit within 15
+%), or when its standard deviation (jackknife over eighths of the flight) moves the headings of
+a turn by more than 3°. A single turn at a constant rate fits any offset with another bearing;
+starts, stops and several places remove the ambiguity.
 """
 
 import math
@@ -26,37 +26,37 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _ZONES_S, _MOST_ZONES_S = 1800.0, 26 * 3600.0
-"""Of clocks set to local time."""
+"""Step and limit of clock errors from local time zones [s]."""
 SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""The best offset must explain the log so much better than any 5 s away."""
+"""Least ratio of the misfit of any offset 5 s away to that of the best."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
-"""A clock that moves bearings by more is asked for: a turn's own σ is a few degrees."""
+"""Largest heading error from an uncertain offset [deg]; a turn's own σ is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Of the pulses: a track that covers fewer may be another flight's, begun as this one ended."""
+"""Least share of pulses that a track must cover; else it may be of another flight."""
 _MOST_LOST = 0.2
-"""Share of the pulses that can be covered which an offset may leave out: else the one that
-leaves out what does not fit would be the best."""
+"""Share of the coverable pulses that an offset may leave out; without a limit, an offset that
+drops misfits would win."""
 _PARTS = 8
 _TURNING_DEG_S = 2.0
-"""From this rate on the vehicle is in a turn; slower is the wind."""
+"""Rate from which the vehicle is turning; slower rotation is wind."""
 _NEAR_M = 20.0
 _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
-"""Half of the first square of places around a cell: so much of its distance, and metres."""
+"""Half-width of the first square of places around a cell: share of its distance, and metres."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half of the last square, of nine by nine places."""
+"""Half-width of the last square, of nine by nine places."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset:
-    """How far the pulses' clock is ahead of the track's."""
+    """Offset of the pulses' clock ahead of the track's."""
 
     offset_s: float
     found_by: str
@@ -64,9 +64,10 @@ class ClockOffset:
     clearness: float | None = None
     """Misfit of the best offset 5 s away over the least one."""
     sigma_s: float | None = None
-    """Standard deviation, by leaving out an eighth of the flight at a time; None as given."""
+    """Standard deviation, by leaving out an eighth of the flight at a time; None if the offset
+    was given."""
     heading_sigma_deg: float | None = None
-    """What that is of heading, at the rate of a turn as it was flown."""
+    """Resulting heading error at the turn rate that was flown."""
 
 
 def attach_poses(
@@ -77,8 +78,8 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose by the track; None where the track has none.
 
-    What the log says was landed or disarmed is at height 0, wherever its barometer had drifted
-    to: so turns are told from what was carried.
+    While the log says landed or disarmed, the height is set to 0 to correct barometer drift.
+    This distinguishes carried turns from flown ones.
 
     `pulse_poses`: the pulses; poses that they have are replaced.
     `offset_s`: added to the track's times.
@@ -104,9 +105,9 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Count the pulses that have a pose now; a track of another time places hardly any.
+    """Count the pulses with a pose.
 
-    Raises `UsageError`: they are fewer than a quarter.
+    Raises `UsageError`: they are fewer than a quarter, as for a track of another time.
     """
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
@@ -122,16 +123,16 @@ def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
 def estimate_offset(
     pulse_poses: Sequence[PulsePose], track: VehicleTrack, *, antenna: str = "RA-23K"
 ) -> ClockOffset:
-    """Estimate the offset between the clocks from what both logs know.
+    """Estimate the offset between the clocks of both logs.
 
-    Pulses with poses of their own, however coarse: headings and places are laid over each
-    other. Without poses: SNR along the track is laid over the antenna's pattern and the
-    distance, with each tag's place free. A lone turn at a constant rate does not tell offset
-    from bearing; starts, stops and several turns do.
+    If the pulses have poses, even coarse ones, headings and places are matched. Without poses,
+    SNR along the track is matched with the antenna's pattern and the distance, with each tag's
+    place free. A lone turn at a constant rate cannot separate offset from bearing; starts,
+    stops and several turns can.
 
     Raises `UsageError`: the logs have too little in common (the track covers less than a
-    quarter of the pulses, or fewer than 12), or two offsets explain it nearly as well, or what
-    is left open moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
+    quarter of the pulses, or fewer than 12), two offsets fit nearly as well, or the remaining
+    uncertainty moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError("the track is empty", remedy="Give another log")
@@ -191,8 +192,8 @@ def _sigma_s(
 ) -> float:
     """Standard deviation of the best offset by a jackknife over consecutive eighths.
 
-    Neighbouring pulses err alike, so that whole stretches are left out and not single pulses
-    (Künsch 1989, The jackknife and the bootstrap for general stationary observations).
+    Errors of neighbouring pulses are correlated, so whole stretches are left out (Künsch 1989,
+    The jackknife and the bootstrap for general stationary observations).
     """
     counted = np.cumsum(covered) - 1
     part_of = np.where(covered, counted * _PARTS // int(np.count_nonzero(covered)), -1)
@@ -209,7 +210,7 @@ def _sigma_s(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _HeardOnWay:
-    """Pulses of a tag, with where the antenna was and pointed."""
+    """Pulses of a tag, with the antenna's places and directions."""
 
     east_m: _Floats
     north_m: _Floats
@@ -218,7 +219,7 @@ class _HeardOnWay:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """(places,) sum of squares [dB²] that pattern and distance leave, the level free."""
+        """(places,) sum of squared residuals [dB²] of pattern and distance, level free."""
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -232,7 +233,8 @@ class _HeardOnWay:
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
         """Least sum of squares around a place, by ever finer squares of places.
 
-        The first is as wide as the polar grid's cells are at that distance from its `middle`.
+        The first square is as wide as the polar grid's cells at that distance from its
+        `middle`.
         """
         (east, north), best = start, np.inf
         half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
@@ -314,9 +316,9 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean square [dB²] that pattern and distance leave, each tag's place and level free.
+        """Mean square [dB²] of the residuals, each tag's place and level free.
 
-        Power falls with the square of the distance; places are a polar grid around the way.
+        Power falls with the square of the distance; places are a polar grid around the path.
         """
         heard = self._heard(offset_s, antenna, keep)
         if heard is None:
@@ -325,10 +327,11 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Get the same for offsets near one, with each tag's place to the metre.
+        """The same for offsets near one, with each tag's place to the metre.
 
-        The cells of the polar grid are tens of metres wide, which a turn's bearing tells from
-        each other: the offset that turns all bearings to a cell's middle would be the best.
+        The cells of the polar grid are tens of metres wide, which a turn's bearing resolves.
+        Without this step the offset that turns all bearings to a cell's middle would be the
+        best.
         """
         heard = self._heard(offset_s, antenna) or {}
         cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
@@ -350,7 +353,7 @@ class _Common:
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> "dict[int, _HeardOnWay] | None":
-        """What was heard of each tag, where the antenna was then; None unless it is covered."""
+        """Pulses of each tag with the antenna's poses; None unless the track covers them."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return None
@@ -371,7 +374,7 @@ class _Common:
         return found
 
     def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Find how many pulses the track can cover; offsets with far fewer are none.
+        """Count the pulses that the track can cover; offsets with far fewer are excluded.
 
         Raises `UsageError`: they are too few to distinguish an offset from chance.
         """
@@ -389,7 +392,7 @@ class _Common:
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
 
     def _apart(self, times_s: _Floats, remedy: str) -> UsageError:
-        """Say by how much; clocks that are half or whole hours apart are of other zones."""
+        """Sentence on the offset; whole or half hours indicate different time zones."""
         ahead_s = float(times_s.min()) - max(self._turn_s[0], self._way_s[0])
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():
@@ -398,20 +401,22 @@ class _Common:
                 f"--clock-offset {zones_s:+.0f}. {remedy}"
             )
         minutes = round(abs(ahead_s) / 60.0)
-        told = f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
+        duration = (
+            f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
+        )
         return UsageError(
             f"pulses and track do not overlap, even {SEARCH_S:.0f} s apart: the pulses begin "
-            f"{told} {'after' if ahead_s > 0.0 else 'before'} the track",
+            f"{duration} {'after' if ahead_s > 0.0 else 'before'} the track",
             remedy=remedy,
         )
 
     def _inside(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_] | None:
-        """Pulses that the track covers; None unless nearly all that it can cover."""
+        """Pulses covered by the track; None unless nearly all that it can cover."""
         inside = self._between(times_s, offset_s)
         return inside if np.count_nonzero(inside) >= self._least_covered else None
 
     def covered(self, offset_s: float, *, posed: bool) -> NDArray[np.bool_]:
-        """Which pulses are within the track's times."""
+        """Mask of pulses within the track's times."""
         return self._between(self._posed_s if posed else self.time_s, offset_s)
 
     def _between(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_]:

@@ -79,12 +79,12 @@ def read_dataflash(path: Path) -> VehicleTrack:
         attitudes=in_order(one for one in turns if one),
         positions=over_the_first(one for one in places if one),
         on_ground_ns=spans_on_ground(
-            _told(rows["EV"], _ARMED, offset_ns), _told(rows["EV"], _LANDED, offset_ns)
+            _states(rows["EV"], _ARMED, offset_ns), _states(rows["EV"], _LANDED, offset_ns)
         ),
     )
 
 
-def _told(
+def _states(
     rows: list[_Row], states: Mapping[int, bool], offset_ns: int
 ) -> list[tuple[int, bool]]:
     """Times [ns] and states of some events."""
@@ -96,7 +96,7 @@ def _told(
 
 
 def _rows(content: bytes) -> Iterator[tuple[str, _Row]]:
-    """Messages wanted; bytes that are none are passed over to the next mark."""
+    """Wanted messages; unknown bytes are skipped up to the next mark."""
     formats: dict[int, tuple[str, int, str, list[str]]] = {_FMT: ("FMT", 89, "", [])}
     place = content.find(MARK)
     while 0 <= place <= len(content) - 3:
@@ -134,7 +134,7 @@ def _values(body: bytes, code: str, columns: list[str]) -> _Row:
 
 
 def _utc_of_boot_ns(rows: list[_Row]) -> int | None:
-    """UTC at boot: the least of GPS time minus boot time, which waited least."""
+    """UTC at boot: the least of GPS time minus boot time, which has the least delay."""
     found = [
         round(
             (_GPS_EPOCH_S + row["GWk"] * 604_800 - _LEAP_S) * NANOSECONDS_PER_SECOND

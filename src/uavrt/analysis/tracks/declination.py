@@ -1,7 +1,7 @@
 """Magnetic declination, for the few logs whose headings are magnetic.
 
-Autopilots tell true headings: PX4 and ArduPilot add the declination themselves. NMEA's HDG and
-HDM are a compass's. The World Magnetic Model is that of the package pygeomag, for 2010 to 2029.
+Autopilots report true headings: PX4 and ArduPilot add the declination themselves. NMEA's HDG
+and HDM are a compass's. The package pygeomag has the World Magnetic Model for 2010 to 2029.
 """
 
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""A flight made of another program's track, for samples that another program recorded."""
+"""A flight made of another program's track and samples."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from uavrt.recording.flight_reader import Flight
 from uavrt.units import ns_from_s
 
 _STEP_NS = 200_000_000
-"""Between poses: at 30°/s 6° of heading."""
+"""Interval between poses [ns]: at 30°/s 6° of heading."""
 
 
 def flight_of_track(
@@ -22,9 +22,9 @@ def flight_of_track(
     offset_s: float = 0.0,
     yaw_offset_deg: float = 0.0,
 ) -> Flight:
-    """Make a flight of a track: its poses are those of the antenna, five a second.
+    """Make a flight of a track, with five poses of the antenna a second.
 
-    `tags`: that were looked for.
+    `tags`: that were searched for.
     `name`: of the flight, for messages.
     `offset_s`: how far the samples' clock is ahead; added to the track's times.
     `yaw_offset_deg`: antenna's boresight clockwise from the vehicle's nose.

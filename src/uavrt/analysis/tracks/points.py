@@ -39,7 +39,7 @@ _DAY_NS = 86_400_000_000_000
 
 
 def read_nmea(path: Path) -> VehicleTrack:
-    """Read NMEA sentences; damaged ones are passed over.
+    """Read NMEA sentences; damaged ones are skipped.
 
     Raises `FormatError`: the file cannot be read, or no sentence in it gives date and place.
     """
@@ -135,8 +135,8 @@ def read_gpx(path: Path) -> VehicleTrack:
         return track
     at, fault = astray[0]
     count = "1 point" if len(astray) == 1 else f"{len(astray)} points"
-    told = f"{count} of {path} passed over: {fault} (point {at}). {fault.remedy}."
-    return replace(track, warnings=(told, *track.warnings))
+    skipped = f"{count} of {path} passed over: {fault} (point {at}). {fault.remedy}."
+    return replace(track, warnings=(skipped, *track.warnings))
 
 
 def _track(

@@ -13,7 +13,7 @@ from uavrt.foreign import require_plain_file
 
 
 def read_track(path: Path) -> VehicleTrack:
-    """Read a track of any kind that is known; the content tells which.
+    """Read a track of any known kind, which is recognised by content.
 
     Raises `FormatError`: it is none, or has no attitude or no place.
     Raises `UsageError`: a package that it needs is not installed.

@@ -1,7 +1,7 @@
 """The vehicle's true poses as ``uavrt simulate`` writes them: ``telemetry.csv``.
 
 Columns ``time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, qw, qx,
-qy, qz``; anyone may write such a file.
+qy, qz``. Such a file may come from any program.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ FIRST_COLUMN = b"time_ns,latitude_deg"
 def read_simulated(path: Path) -> VehicleTrack:
     """Read poses from a CSV file.
 
-    Raises `FormatError`: the file cannot be read, or a line of it holds something else.
+    Raises `FormatError`: the file cannot be read, or a line is invalid.
     """
     turns: list[AttitudeSample] = []
     places: list[PositionSample] = []

@@ -26,13 +26,11 @@ from uavrt.on_ground import spans_on_ground
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""
 _MOST_WRONG = 300_000
-"""Markers without a frame; a log with more of them ends there."""
+"""Most markers without a frame; the log is cut off there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
 class _Log:
-    """What was found so far."""
-
     def __init__(self) -> None:
         self.system_id: int | None = None
         self.attitudes: dict[str, list[AttitudeSample]] = {"quaternion": [], "euler": []}
@@ -40,7 +38,7 @@ class _Log:
         self.armed: list[tuple[int, bool]] = []
         self.landed: list[tuple[int, bool]] = []
         self._boot_ns: int | None = None
-        """Of the newest sample: what tells no boot time itself came then."""
+        """Boot time of the newest sample, for messages without one."""
         self.ground_offset_ns: int | None = None
         self.gps_offset_ns: int | None = None
 

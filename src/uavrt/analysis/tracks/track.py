@@ -1,4 +1,4 @@
-"""A vehicle's way as another program logged it, on that program's clock."""
+"""A vehicle's track from another program, on that program's clock."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -30,10 +30,10 @@ class VehicleTrack:
     positions: tuple[PositionSample, ...]
     warnings: tuple[str, ...] = ()
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times on the ground, as the log tells; empty where it does not."""
+    """First and last times on the ground; empty where the log does not record it."""
 
     def shifted(self, offset_ns: int) -> "VehicleTrack":
-        """Move all times by so much."""
+        """Add an offset to all times."""
         return replace(
             self,
             attitudes=tuple(replace(a, time_ns=a.time_ns + offset_ns) for a in self.attitudes),
@@ -42,14 +42,14 @@ class VehicleTrack:
         )
 
     def on_ground(self, time_ns: int) -> bool:
-        """Whether the log says that the vehicle stood on the ground then."""
+        """True while the log says that the vehicle stood on the ground."""
         return any(first <= time_ns <= last for first, last in self.on_ground_ns)
 
 
 def attitude(
     time_ns: int, quaternion_wxyz: tuple[float, float, float, float]
 ) -> AttitudeSample | None:
-    """Make a sample; None when it is no rotation."""
+    """Attitude sample; None for an invalid rotation."""
     try:
         return AttitudeSample(time_ns=time_ns, quaternion_wxyz=normalised(quaternion_wxyz))
     except ValueError:
@@ -59,7 +59,7 @@ def attitude(
 def position(
     time_ns: int, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float
 ) -> PositionSample | None:
-    """Make a sample whose relative altitude is not known yet; None when it is no place."""
+    """Position sample with unknown relative altitude; None for an invalid place."""
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
         return None
     if latitude_deg == 0.0 and longitude_deg == 0.0:  # before the first fix
@@ -87,7 +87,7 @@ def over_the_first(positions: Iterable[PositionSample]) -> tuple[PositionSample,
 
 
 def in_order(samples: Iterable[S]) -> tuple[S, ...]:
-    """Order by time, each time once."""
+    """Sort by time, and keep one of each time."""
     by_time = {one.time_ns: one for one in samples}
     return tuple(by_time[time] for time in sorted(by_time))
 
@@ -111,7 +111,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
 
 
 def filled(track: VehicleTrack) -> VehicleTrack:
-    """Fill gaps of up to 15 s between sparse points: the poses' ring bridges only two."""
+    """Fill gaps of up to 15 s between sparse points: pose interpolation bridges only two."""
     return replace(
         track,
         attitudes=tuple(_filled(track.attitudes, _between_attitudes)),

@@ -31,7 +31,7 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Damaged bytes, or pieces of 512 bytes that are searched for the next mark."""
+"""Most damaged bytes, or pieces of 512 bytes searched for the next mark."""
 _ARMED = 2
 """`vehicle_status.arming_state`."""
 _SANE_UNIX_US = 1_400_000_000_000_000
@@ -90,16 +90,16 @@ def read_ulog(path: Path) -> VehicleTrack:
         attitudes=in_order(one for one in attitudes if one),
         positions=over_the_first(one for one in positions if one),
         on_ground_ns=spans_on_ground(
-            _told(topics.get(_STATUS), "arming_state", _ARMED, offset_us),
-            _told(topics.get(_LANDED), "landed", 1, offset_us),
+            _states(topics.get(_STATUS), "arming_state", _ARMED, offset_us),
+            _states(topics.get(_LANDED), "landed", 1, offset_us),
         ),
     )
 
 
 class _Damaged:
-    """A log that ends where too much of it is damaged.
+    """A log file that ends after too much damage.
 
-    pyulog goes through what it does not understand byte by byte: hours for gigabytes of zeros.
+    pyulog skips unknown data byte by byte, which takes hours for gigabytes of zeros.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -108,29 +108,26 @@ class _Damaged:
         self.name = file.name
 
     def read(self, size: int = -1) -> bytes:
-        """Read; nothing once the log has ended."""
         return b"" if self._steps > _MOST_STEPS else self._file.read(size)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Go elsewhere; count the steps back, which only damage makes."""
+        """Seek; backward steps, which only damage causes, are counted."""
         if whence == 1 and offset < 0:
             self._steps += 1
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """Where it is read."""
         return self._file.tell()
 
     def close(self) -> None:
-        """Close the file, as pyulog does in the end."""
         self._file.close()
 
 
 def _check_formats(file: BinaryIO) -> None:
-    """Refuse records of more fields than memory has; raises `ValueError`.
+    """Reject records with more fields than memory can hold; raises `ValueError`.
 
-    The definitions stand before the data: ``F`` is ``name:type field;type[9] field;…``, and a
-    type may be another definition.
+    The definitions precede the data: ``F`` is ``name:type field;type[9] field;…``, and a type
+    may be another definition.
     """
     fields: dict[str, list[tuple[str, int]]] = {}
     file.seek(_HEADER_BYTES)
@@ -140,10 +137,10 @@ def _check_formats(file: BinaryIO) -> None:
             break
         body = file.read(int.from_bytes(head[:2], "little"))
         if head[2:] == b"F":
-            name, _, told = body.decode("ascii", "replace").partition(":")
+            name, _, fields = body.decode("ascii", "replace").partition(":")
             fields[name] = [
                 (kind, min(int(count or 1), _MOST_FIELDS))
-                for kind, count in _FIELD.findall(told)
+                for kind, count in _FIELD.findall(fields)
             ]
     file.seek(0)
 
@@ -161,10 +158,10 @@ def _check_formats(file: BinaryIO) -> None:
         size(topic)
 
 
-def _told(
+def _states(
     data: Mapping[str, Sequence[Any]] | None, name: str, yes: int, offset_us: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns] and states of a topic; none of one that is not logged."""
+    """Times [ns] and states of a topic; empty for a topic that was not logged."""
     if data is None or name not in data:
         return []
     pairs = zip(data["timestamp"], data[name], strict=True)
@@ -172,7 +169,7 @@ def _told(
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:
-    """UTC at boot: the least difference, of the message that waited least."""
+    """UTC at boot: the least difference, of the message with the least delay."""
     for name in _GPS:
         data = topics.get(name)
         if data is not None and "time_utc_usec" in data:

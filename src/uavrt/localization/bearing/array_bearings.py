@@ -1,8 +1,8 @@
-"""Bearings from antennas that are switched, not turned: phase or mode within one pulse.
+"""Bearings from switched antennas: phase or mode within one pulse.
 
-A switch between receiver and antennas, stepped at known samples, lets one receiver see several
-elements, or the sum and the difference of two, during a pulse of 20 ms. Their complex
-amplitudes against those that a wave from each direction would give is a matched-field estimate:
+A switch between receiver and antennas, stepped at known samples, lets one receiver measure
+several elements, or the sum and the difference of two, during a pulse of 20 ms. Comparing their
+complex amplitudes with those of a wave from each direction is a matched-field estimate:
 pseudo-Doppler (VonEhr, who planned it), the two-point phased array (Cliff 2015). Two or more
 fixed directional antennas, compared by strength alone, are amplitude monopulse (Gottwald 2014).
 """
@@ -26,7 +26,7 @@ Steering = Callable[[_Floats], _Complex]
 """Directions (b,) clockwise from the array's nose [deg] to amplitudes (b, elements)."""
 
 _FADING_DB = 2.0
-"""By which two antennas side by side differ for reasons other than direction."""
+"""Level difference of two adjacent antennas for reasons other than direction."""
 
 
 def circle_steering(
@@ -34,8 +34,8 @@ def circle_steering(
 ) -> Steering:
     """Monopoles evenly on a circle, the first ahead, then clockwise: pseudo-Doppler.
 
-    Above a radius of a quarter wavelength neighbouring elements may differ by more than half a
-    turn, and directions become ambiguous.
+    With a radius above a quarter wavelength, neighbouring elements may differ by more than half
+    a turn, and directions become ambiguous.
     """
     places = np.arange(elements) * 360.0 / elements
     turns = radius_wavelengths * np.cos(np.radians(elevation_deg))
@@ -52,7 +52,7 @@ def pair_steering(
 ) -> Steering:
     """Two elements side by side: their sum and difference, right minus left.
 
-    The difference tells right from left, not ahead from behind; that takes a turn. With
+    The difference separates right from left; ahead and behind need a turn. With
     `modes` false, the left and the right element themselves.
     """
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
@@ -110,14 +110,14 @@ def amplitude_monopulse(
     *,
     fading_db: float = _FADING_DB,
 ) -> Bearing:
-    """Estimate a bearing from fixed antennas that hear the same pulses.
+    """Estimate a bearing from fixed antennas that receive the same pulses.
 
-    The tag's strength and its fading are the same for all antennas at a pulse and drop out;
-    what differs is the pattern.
+    The tag's strength and its fading are the same for all antennas at a pulse and cancel; only
+    the pattern differs.
 
-    `boresight_deg` (a,): where each antenna points, clockwise from true north.
+    `boresight_deg` (a,): direction of each antenna, clockwise from true north.
     `snr_db` (p, a): SNR of each pulse at each antenna; NaN where it was not heard.
-    `fading_db`: standard deviation of what else differs between antennas.
+    `fading_db`: standard deviation of other differences between antennas.
     Raises `UsageError`: no pulse was heard by two antennas.
     """
     heard = ~np.isnan(snr_db)

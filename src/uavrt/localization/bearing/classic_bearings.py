@@ -1,7 +1,7 @@
 """Published bearing estimators, for comparison and for compatibility.
 
-Their definitions are kept, faults included, where a published result depends on them; the
-measured comparison stands in docs/explanation/localization.md.
+Their definitions are kept, faults included, where a published result depends on them;
+docs/explanation/localization.md compares them by measurement.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _SCAN_DEG = np.arange(0.0, 360.0, 0.5)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainBearing:
-    """A direction and what the method calls its confidence."""
+    """A direction and the method's own confidence."""
 
     bearing_deg: float
     confidence: float | None

@@ -22,21 +22,21 @@ class BearingData:
     """Input of an estimator from another package."""
 
     yaw_deg: _Floats
-    """(n,) of the boresight, clockwise from true north."""
+    """(n,) boresight, clockwise from true north."""
     matched_power: _Floats
     """(n,) matched power over noise power, noise included; NaN is a miss."""
     noise_psd: _Floats
     """(n,) noise density of each pulse, up to a common factor."""
     pattern: AntennaPattern
     threshold_db: float
-    """SNR that a missed pulse must have had to be heard."""
+    """SNR above which a missed pulse would have been heard."""
     elevation_deg: float
     heading_sigma_deg: float
 
 
 BearingEstimator = Callable[[BearingData], Bearing]
 ADDED_METHODS: Registry[BearingEstimator] = Registry("uavrt.bearing_methods", {})
-"""Estimators that installed packages add, by the name of the method."""
+"""Estimators of installed packages, by the name of the method."""
 
 
 def estimate_bearing(
@@ -192,7 +192,7 @@ def _noise(noise_psd: ArrayLike | None, count: int) -> _Floats:
 def _classic(
     method: str, yaw_deg: _Floats, power: _Floats, noise: _Floats, pattern: AntennaPattern
 ) -> Bearing:
-    """Run a method that knows only pulses with power: the others are dropped."""
+    """Run a method that uses only pulses with power; the others are dropped."""
     signal = power - 1.0
     if method.startswith("pca"):
         used = signal > 1.0  # the original drops SNR ≤ 0 dB
@@ -219,7 +219,7 @@ def _classic(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Heard:
-    """What the classic methods look at."""
+    """Input of the classic methods."""
 
     yaw_deg: _Floats
     power: _Floats

@@ -1,10 +1,10 @@
-"""How much information a turn loses when fading is correlated from pulse to pulse.
+"""Loss of information in a turn when fading is correlated from pulse to pulse.
 
 Ground and plants keep a pulse's fading for some degrees of the turn. Pulses are then not
-independent, and the fit itself takes up some of what they share, so that the residuals'
-correlation tells too little of it. Several correlations are weighed by their restricted
-likelihood (Patterson and Thompson 1971), which allows for what the fit took up; each says by
-how much the variance of a bearing is greater than that of independent pulses.
+independent, and the fit itself absorbs some of the correlation, so that the residuals show too
+little of it. Several correlations are weighed by their restricted likelihood (Patterson and
+Thompson 1971), which corrects for the fit. Each gives the variance of a bearing relative to
+independent pulses.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ _Floats = NDArray[np.float64]
 
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
 _SIZES = (1.0, 2.0, 4.0)
-"""Variance of the fading over what a fit of independent pulses finds: what lasts longer than a
-turn's quarter looks like the pattern."""
+"""Fading variance over the estimate for independent pulses: fading correlated over more than a
+quarter turn looks like the pattern."""
 _LASTING_SHARE = 0.2
-"""Turns with fading that lasts, were nothing heard yet."""
+"""Prior share of turns with correlated fading."""
 _MOST_PULSES = 240
 LEAST_PULSES = 12
 
@@ -31,12 +31,12 @@ class Whitened:
     residual: _Floats
     """(n,) in order of time."""
     level_slope: _Floats
-    """(n,) change of the expected value by the level, in the same units …"""
+    """(n,) derivative of the expected value by the level, in the same units."""
     bearing_slope: _Floats
-    """(n,) … and by the bearing."""
+    """(n,) derivative of the expected value by the bearing."""
     fading_part: _Floats
-    """(n,) share of the standard deviation that is fading; the rest is noise, which does not
-    last."""
+    """(n,) share of fading in the standard deviation; the rest is noise, which is
+    uncorrelated."""
 
 
 def variance_factor(turn: Whitened) -> float:

@@ -1,8 +1,8 @@
-"""Learn an antenna's pattern as it is on the airframe, from the turns of a flight.
+"""Learn an antenna's pattern on the airframe, from the turns of a flight.
 
-Tables are read off a maker's plot; metal nearby changes them. Every turn past a tag shows the
-pattern again, at an unknown bearing and level, so that several turns tell what is common to
-them: a smooth correction of six harmonics.
+Tables are read off a maker's plot; metal nearby changes them. Each turn past a tag samples the
+pattern at an unknown bearing and level. Several turns show their common deviation: a smooth
+correction of six harmonics.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from uavrt.localization.bearing.estimate import estimate_bearing
 _HARMONICS = 6
 _ROUNDS = 3
 _PRIOR_DB = 1.5
-"""What a maker's plot errs, rms over all angles."""
+"""Error of a maker's plot, rms over all angles."""
 _STEPS = 37  # of 5°
 
 _Floats = NDArray[np.float64]
@@ -37,24 +37,15 @@ class TurnPulses:
 def learn_pattern(
     turns: Sequence[TurnPulses], antenna: AntennaPattern, *, threshold_db: float = 10.0
 ) -> AntennaPattern:
-    """Correct a pattern by what turns have shown; bearings are re-estimated on the way.
+    """Correct a pattern by turns; bearings are re-estimated in each iteration.
 
     A rotation of the whole pattern cannot be learnt: it is the antenna's mounting. The
     correction is mirrored like the table.
 
-    Parameters
-    ----------
-    turns : sequence of TurnPulses
-        Three or more are worth it; tags may differ.
-    antenna : AntennaPattern
-        The table to correct; its plane across the elements is kept.
-    threshold_db : float
-        SNR that a missed pulse must have had to be heard.
-
-    Raises
-    ------
-    UsageError
-        No turn was given.
+    `turns`: three or more for a useful result; tags may differ.
+    `antenna`: the table to correct; its plane across the elements is kept.
+    `threshold_db`: SNR above which a missed pulse would have been heard.
+    Raises `UsageError`: no turn was given.
     """
     if not turns:
         raise UsageError("no turns to learn from", remedy="Turn in place near a tag")
@@ -91,8 +82,8 @@ def _equations(
 ) -> tuple[_Floats, _Floats]:
     """Whitened linear equations of one turn for the correction, its level projected out.
 
-    The measured level is 10 log10(1 + S); it follows the gain by S / (1 + S), so that the noise
-    floor teaches nothing.
+    The measured level is 10 log10(1 + S); it follows the gain by S / (1 + S), so pulses at the
+    noise floor contribute nothing.
     """
     found = estimate_bearing(
         turn.yaw_deg,

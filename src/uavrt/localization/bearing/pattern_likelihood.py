@@ -17,9 +17,9 @@ _COARSE_STEP_DEG = 3.0
 _COARSE_LEVEL_STEPS = 6  # 1.5 dB
 _LEVELS_EACH_SIDE = 10
 _LOWEST_BORESIGHT_DB = -6.0
-"""A tag weaker than that on boresight cannot be heard at all."""
+"""Boresight level below which a tag cannot be heard."""
 _KEEP_NATS = 18.0
-"""Bearings e^18 times less probable than the best are left as the coarse grid has them."""
+"""Log-density below the best beyond which bearings keep the coarse grid's value [nats]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class BearingLikelihood:
     log_density: NDArray[np.float64]
     """(1440,) log-likelihood, averaged over the priors of level and fading."""
     log_flat: float
-    """The same without a direction: half for noise alone, half for an equal level always."""
+    """The same without a direction: half for noise alone, half for a constant level."""
     fading_db: float
     """Posterior mean of the fading's standard deviation."""
     level_db: float
@@ -40,7 +40,7 @@ class BearingLikelihood:
 def bearing_likelihood(
     tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
 ) -> BearingLikelihood:
-    """Sum the pulses' tables along the pattern, coarsely everywhere, finely where it matters.
+    """Sum the pulses' tables along the pattern, coarsely everywhere, finely near the peak.
 
     `gain`: the antenna's gain at each pulse towards a bearing.
     `noise_db` (n,): noise of each pulse over the median noise [dB].
@@ -130,8 +130,8 @@ def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.float64]:
     """Logarithm of the integral over the levels (axis 1).
 
-    Where the peak is narrower than a step, the sum would depend on how the peak lies between
-    the levels; there a parabola through the best three gives its height and width (Laplace).
+    Where the peak is narrower than a step, the sum would depend on the peak's place between the
+    levels; there a parabola through the best three gives its height and width (Laplace).
     """
     best = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)[:, None, :]
     left, middle, right = (

@@ -1,8 +1,8 @@
 """The default bearing estimator: posterior over bearing from pattern and power law.
 
-It reads each pulse's power at its known time, asks
-of every bearing how probable these powers are, whatever the tag's strength and fading, and so
-needs no threshold; pulses that were missed count as "below the threshold".
+It takes each pulse's power at its known time and computes its probability for each bearing,
+with unknown tag strength and fading. No threshold is needed; missed pulses count as "below the
+threshold".
 """
 
 import math
@@ -51,10 +51,10 @@ def pattern_ml(
 
     `headings`: of the n heard, then the m missed pulses.
     `matched_power` (n,): matched power over noise power, noise included (mean S + 1).
-    `missed_below` (m,): power below which the missed ones stayed.
+    `missed_below` (m,): upper limit of the missed pulses' power.
     `noise_db` (n + m,): noise of each over the median noise.
-    `pattern`, `elevation_deg`: the antenna, and where the tag is seen below (negative) or above
-    the horizon.
+    `pattern`, `elevation_deg`: the antenna, and the tag's elevation, negative below the
+    horizon.
     `folds`: pulses summed in each value.
     `fading_db`: known standard deviation of the fading; by default it is learnt.
     `heading_sigma_deg`: error that all headings share (compass, mounting, lag at one rate of
@@ -76,7 +76,7 @@ def pattern_ml(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Turn:
-    """What was heard in a turn, as `pattern_ml` takes it."""
+    """Input of `pattern_ml` for a turn."""
 
     headings: Headings
     matched_power: NDArray[np.float64]
@@ -100,18 +100,19 @@ class _Turn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Fit:
-    """The likelihood of a turn, and how far the powers are from its best bearing."""
+    """Likelihood of a turn, and misfit at its best bearing."""
 
     likelihood: BearingLikelihood
     best_deg: float
     misfit: "_Misfit"
     lasting: float
-    """Variance over that of independent pulses, by what neighbours share; 1 or more."""
+    """Variance over that of independent pulses, from the correlation of neighbours; 1 or
+    more."""
     double: TwoPaths | None
 
 
 def _fitted(turn: _Turn) -> _Fit:
-    """Fit one direction, and two, to a turn of which some pulses may be anyone's."""
+    """Fit one direction, and two, to a turn; some pulses may be of other senders."""
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
         turn.matched_power,
@@ -148,7 +149,7 @@ def _fitted(turn: _Turn) -> _Fit:
 
 
 def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
-    """Read the bearing off a likelihood that is worth less, since pulses share their fading."""
+    """Bearing from a likelihood, widened for correlated fading."""
     found, misfit = fit.likelihood, fit.misfit
     inflation = fit.lasting
     if turn.fading_db is not None and misfit.reduced_chi2 is not None:
@@ -186,23 +187,23 @@ def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Misfit:
-    """How the powers differ from the best bearing's."""
+    """Deviations of the powers from the best bearing's model."""
 
     sure: NDArray[np.bool_]
     """(n,) heard pulses that could not have been missed."""
     correlation: float
-    """Of neighbours, 0 to 0.9; a standard deviation of chance is taken off."""
+    """Correlation of neighbours, 0 to 0.9, less one standard deviation of chance."""
     reduced_chi2: float | None
 
     @property
     def marked(self) -> bool:
-        """Whether the correlation is beyond chance: 3.3 sigma, 1 in 1000 or so."""
+        """True if the correlation is significant: 3.3 sigma, about 1 in 1000."""
         count = int(self.sure.sum())
         return count > 0 and self.correlation > 2.3 / math.sqrt(count)
 
     @property
     def inflation(self) -> float:
-        """Variance over that of independent pulses, by a correlation beyond chance."""
+        """Variance over that of independent pulses, by a significant correlation."""
         return (1.0 + self.correlation) / (1.0 - self.correlation) if self.marked else 1.0
 
 
@@ -216,8 +217,8 @@ def _misfit(
 ) -> _Misfit:
     """Compare heard pulses (n,) with the model's levels.
 
-    Pulses near the threshold are heard only when luck was with them and would look like a
-    misfit; those that could have been missed do not judge the shape.
+    Only strong pulses near the threshold are heard, which looks like a misfit, so pulses that
+    could have been missed are left out.
     """
     residual = _residuals(matched_power, model_db, fading_db, folds)
     sure = np.ones(len(residual), bool)
@@ -260,8 +261,8 @@ def _residuals(
 ) -> NDArray[np.float64]:
     """Measured minus expected power in decibel, over its standard deviation, cut at ± 4.
 
-    In decibel because fading is; the variance is that of noise and fading together,
-    (4.34)² (1 + 2 S) / (folds (1 + S)²) + (fading S / (1 + S))², S the expected SNR.
+    In decibel because fading is; the variance is that of noise and fading together, (4.34)² (1
+    + 2 S) / (folds (1 + S)²) + (fading S / (1 + S))², S the expected SNR.
     """
     s = 10.0 ** (model_db / 10.0)
     measured = 10.0 * np.log10(np.maximum(matched_power, 0.1))
@@ -274,8 +275,8 @@ def _residuals(
 def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
     """Correlation of neighbouring residuals, in time or over heading; 0 to 0.9.
 
-    Fading that lasts, or a pattern that is not the antenna's, makes n pulses worth fewer. One
-    standard deviation of chance, 1/√n, is taken off.
+    Correlated fading, or a wrong pattern, reduces the information of n pulses. One standard
+    deviation of chance, 1/√n, is subtracted.
     """
     count = len(residual)
     if count < _LEAST_FOR_CORRELATION:

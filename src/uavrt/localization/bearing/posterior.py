@@ -1,4 +1,4 @@
-"""Read a bearing and its uncertainty off a log-density over the circle."""
+"""Bearing and uncertainty from a log-density over the circle."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,11 @@ from uavrt.localization.results import ArrayMethod, Bearing
 from uavrt.units import wrap_degrees_360
 
 LOBE_DEG = 25.0
-"""Half-width of what counts as one lobe."""
+"""Half-width of a lobe."""
 
 
 def described(log_density: NDArray[np.float64], *, method: ArrayMethod, pulses: int) -> Bearing:
-    """Make a bearing of a log-likelihood on `GRID_DEG`, the prior being uniform."""
+    """Bearing from a log-likelihood on `GRID_DEG`, with a uniform prior."""
     best_deg = peak_deg(log_density)
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
@@ -41,8 +41,8 @@ def lobe_mean_deg(density: NDArray[np.float64], best_deg: float) -> float:
     """Mean direction of the lobe around a direction, [0, 360).
 
     The point with the least expected squared error. For few pulses the lobe is lopsided, and
-    its maximum errs by 1 to 4 % more: 7.34° against 7.08° rms for 20 pulses of 20 dB with
-    4 dB of fading, heard from 10 dB.
+    its maximum errs by 1 to 4 % more: 7.34° against 7.08° rms for 20 pulses of 20 dB with 4 dB
+    of fading, heard from 10 dB.
     """
     off = difference_deg(GRID_DEG, best_deg)
     weight = np.where(np.abs(off) <= LOBE_DEG, density, 0.0)
@@ -99,6 +99,6 @@ def blurred(density: NDArray[np.float64], sigma_deg: float) -> NDArray[np.float6
 
 
 def log_mean_exp(values: NDArray[np.float64]) -> float:
-    """Logarithm of the mean of exponentials, whatever their size."""
+    """Logarithm of the mean of exponentials, without overflow."""
     top = float(values.max())
     return top + float(np.log(np.mean(np.exp(values - top))))

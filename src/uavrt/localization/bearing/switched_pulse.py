@@ -1,8 +1,8 @@
-"""What one receiver on an antenna switch measures of a pulse: phases, ratios, noise.
+"""Measure a pulse received through an antenna switch: phases, ratios, noise.
 
-A pulse of 20 ms with a switch that stays 0.25 ms at each position holds 80 visits. The mean of
-the samples of each visit is a number with a phase; those of one position, put together
-coherently, are that antenna's amplitude, and what they scatter about it is the noise.
+A pulse of 20 ms with a switch that stays 0.25 ms at each position holds 80 visits. Each visit's
+mean sample has a phase; the coherent sum of one position's visits is that antenna's amplitude,
+and their scatter is the noise.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 
 _FINE_HZ = 0.5
-"""Steps of the carrier's search; over 20 ms, 0.03 of a turn."""
+"""Step of the carrier search; over 20 ms, 0.03 of a turn."""
 
 _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
@@ -21,13 +21,13 @@ _Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwitchSchedule:
-    """Which position of the switch each sample was received at."""
+    """Position of the antenna switch at each sample."""
 
     positions: int
     dwell_samples: int
-    """At each position, settling included."""
+    """Samples at each position, settling included."""
     settle_samples: int = 0
-    """At its beginning that do not count."""
+    """Samples at the beginning of a visit that are ignored."""
     first_sample: int = 0
     """A sample at which the switch came to position 0."""
 
@@ -54,14 +54,14 @@ class SwitchSchedule:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SwitchedPulse:
-    """One pulse as it came through an antenna switch."""
+    """One pulse received through an antenna switch."""
 
     amplitudes: _Complex
     """(positions,) with a common phase."""
     counts: _Floats
     """(positions,) samples behind each amplitude."""
     noise_power: float
-    """Of one sample, as wide as a visit is short."""
+    """Noise power of one sample, in the bandwidth of a visit."""
     frequency_hz: float
     """Carrier in the samples, refined."""
 
@@ -86,10 +86,10 @@ def measure_switched_pulse(
 
     `samples` (n,): the pulse, from its first to its last sample.
     `schedule`: position of the switch at each sample.
-    `first_sample`: index of the first of the samples, as the schedule counts.
-    `frequency_hz`: carrier of the pulse in the samples, as the detector says.
-    `frequency_error_hz`: how far the carrier may be from it: it is searched, since 10 Hz are a
-    fifth of a turn over 20 ms.
+    `first_sample`: index of the first of the samples in the schedule.
+    `frequency_hz`: carrier of the pulse in the samples, from the detector.
+    `frequency_error_hz`: largest error of the carrier: it is searched, since 10 Hz are a fifth
+    of a turn over 20 ms.
     Raises `UsageError`: a position was visited less than twice during the pulse.
     """
     visit = schedule.visits(first_sample, len(samples))
@@ -132,7 +132,7 @@ def _fitted(
     frequency_hz: float,
     frequency_error_hz: float,
 ) -> SwitchedPulse:
-    """Find the carrier that makes the visits (v,) of each position (v, p) agree best."""
+    """Carrier at which the visits (v,) of each position (v, p) agree best."""
     steps = max(1, round(frequency_error_hz / _FINE_HZ))
     error_hz = np.arange(-steps, steps + 1) * _FINE_HZ
     turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)

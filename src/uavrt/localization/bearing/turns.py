@@ -1,7 +1,7 @@
-"""Where in a flight the drone turned in place: the rotations that bearings come from.
+"""Find turns in place in a flight: the rotations that bearings come from.
 
-They are found in the poses, whichever way round, with pauses, at 8 or 16 stops or without
-any.
+They are found in the poses: clockwise or counter-clockwise, with pauses, at 8 or 16 stops or
+without any.
 """
 
 from dataclasses import dataclass
@@ -21,38 +21,37 @@ _Ints = NDArray[np.int64]
 _SPEED_WINDOW_S = 3.0
 _WALK_WINDOW_S = 15.0
 _WALK_M = 3.0
-"""A place that has moved by this much in the window before and in the one after is left …"""
+"""Least shift between the places in the windows before and after that is a walk …"""
 _WAY_M = 7.5
 """… where the whole path is this long: half the radius within which a turn stays."""
 _DRIFT_M_PER_DEG = _WAY_M / 90.0
-"""Drift of a turn in place, at the most: a whole turn then stays within its radius."""
+"""Largest drift of a turn in place: a whole turn then stays within its radius."""
 _DRIFT_SPANS_DEG = (45.0, 90.0)
-"""Over which that is judged: a turn with stops needs the longer one."""
+"""Spans over which the drift is measured: a turn with stops needs the longer one."""
 _DRIFT_STEP_DEG = 5.0
 _ONE_TURN_DEG = 450.0
-"""Up to here all is one turn; what is more may be two with a path between them."""
+"""Longest yaw of a single turn; more may be two turns with a path between them."""
 _REVERSAL_DEG = 25.0
-"""Yaw that has gone back by less is hovering or overshoot, not the other way round."""
+"""Yaw back by less than this is hovering or overshoot, not a reversal."""
 _STILL_DEG = 4.0
-"""A stop keeps within this of its heading …"""
+"""Largest change of heading during a stop …"""
 _STOP_S = 2.0
-"""… and lasts that long."""
+"""… and its least duration."""
 _LEAST_RATE_DEG_S = 0.5
 """A heading that changes more slowly drifts …"""
 _SHARE_OF_RATE = 0.1
 """… as does one that changes by less than this share of the turn's own rate."""
 _RATE_WINDOW_S = 4.0
-"""Over which a compass that errs by 0.5° gives rates to 0.15°/s."""
+"""Window in which a compass with 0.5° of error gives rates to 0.15°/s."""
 _CLIMB_M_S = 0.4
 CLIMB_M = 4.0
-"""A climb or descent is this high at the least; a gust does less."""
+"""Least height of a climb or descent; gusts cause less."""
 _GROUND_SHARE = 0.15
 _GROUND_M = (2.0, 6.0)
-"""Lower than that share of the usual height, within these limits, is on the ground: a
+"""Share of the usual height below which the drone is on the ground, within these limits: a
 barometer drifts by metres in a flight."""
 _AROUND_START_M = 100.0
-"""Between flights the ground is where the drone started or landed; elsewhere, at the height of
-the start, it flies over lower ground."""
+"""Distance from start and landing beyond which low flight is over lower ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,13 +61,13 @@ class Turn:
     start_time_ns: int
     end_time_ns: int
     turned_deg: float
-    """Whole turn, positive is clockwise."""
+    """Whole angle, positive is clockwise."""
     stops: int
-    """Headings that were held; 0 is a continuous turn."""
+    """Number of stops; 0 is a continuous turn."""
     widest_gap_deg: float
     """Widest arc of headings that was skipped."""
     latitude_deg: float
-    """Middle of the places during the turn."""
+    """Median place during the turn."""
     longitude_deg: float
 
 
@@ -150,7 +149,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Median of places, the same to the last digit whatever is flown before and after."""
+    """Median of places, exact to the last digit for any other part of the flight."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -181,7 +180,7 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
 
 
 def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Where the place changes for good, however slowly."""
+    """Mask of permanent changes of place, however slow."""
     before = np.searchsorted(seconds, seconds - _WALK_WINDOW_S)
     after = np.searchsorted(seconds, seconds + _WALK_WINDOW_S, side="right") - 1
 
@@ -205,7 +204,7 @@ def _that_lead_away(
 def _walking(
     east: _Floats, north: _Floats, yaw: _Floats, moves: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Where the place changes for good, and the heading does not turn as in a turn in place."""
+    """Mask of permanent changes of place without the rotation of a turn in place."""
     walking = moves.copy()
     for first, last in _runs(moves):
         within = slice(first, last)
@@ -214,7 +213,7 @@ def _walking(
 
 
 def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Where the heading turns, over a span of degrees, while the place hardly changes."""
+    """Mask of rotations over a span of degrees with little change of place."""
     found = np.zeros(len(yaw), bool)
     for start, stop in _legs(yaw):
         way = np.sign(yaw[stop] - yaw[start])
@@ -231,13 +230,13 @@ def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool
 
 
 def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First index and the one after the last of each stretch of True."""
+    """First index, and the one after the last, of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of stretches in one direction; small reversals do not count."""
+    """First and last index of stretches in one direction; small reversals are ignored."""
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):
@@ -274,7 +273,7 @@ def _cut_at_paths(
 
 
 def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of each heading that was held."""
+    """First and last index of each stop."""
     stops: list[tuple[int, int]] = []
     start = 0
     for index in range(1, len(yaw) + 1):
@@ -295,7 +294,7 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 def _without_long_pauses(
     seconds: _Floats, yaw: _Floats, longest_pause_s: float
 ) -> list[tuple[int, int]]:
-    """Cut a leg at long pauses; standing and drifting before and after it are no part of it.
+    """Cut a leg at long pauses, and leave out standing and drifting before and after it.
 
     The first and the last stop are kept as long as the longest one between them, so that a turn
     of eight stops has eight; of a turn without stops only the moving part is left.
@@ -328,7 +327,7 @@ def _with_its_stops(
 
 
 def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
-    """Where the heading changes as a turn does, and not as a compass drifts."""
+    """Mask of headings that change as in a turn, faster than a compass drifts."""
     half = _RATE_WINDOW_S / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
@@ -350,7 +349,7 @@ def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
 
 
 def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Where the drone is off the ground; everywhere without heights, or when it never was."""
+    """Mask of poses off the ground; all without heights, or when it never took off."""
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)
@@ -368,7 +367,7 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
 
 
 def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Where the drone climbs or sinks by several metres."""
+    """Mask of climbs and descents by several metres."""
     height = np.where(np.isfinite(height_m), height_m, 0.0)
     half = _SPEED_WINDOW_S / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)

@@ -1,9 +1,9 @@
-"""Does a rotation look like one direction, or like a wave and its reflection?
+"""Compare one direction with a wave and its reflection as the source of a rotation's levels.
 
-A wave that also comes by a wall or a slope from another direction adds to the direct one, with
-some strength and phase, and turns a bearing by tens of degrees without making it look worse:
-one lobe, good signal. The shape of the lobe gives it away. All shapes of two paths are compared
-with the measured levels at once, by circular correlation over whole degrees.
+A reflection by a wall or a slope adds to the direct wave with some strength and phase. It turns
+a bearing by tens of degrees without a visible sign: one lobe, good signal. Only the shape of
+the lobe shows it. All shapes of two paths are compared with the measured levels at once, by
+circular correlation over whole degrees.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from uavrt.localization.antenna import AntennaPattern
 _APART_DEG = (20, 35, 50, 65, 80, 100, 120, 150, 180)
 _WEAKER_DB = (-6.0, -3.0, -1.0, 0.0)
 _COSINES = (-0.95, -0.6, 0.0, 0.6, 0.95)
-"""Of the phase between the paths."""
+"""Cosines of the phase between the paths."""
 _ROUNDING = 1e-9
-"""Of the sum of squares of the levels: a fit that leaves less is exact, and none is better."""
+"""Rounding error of the sum of squares of the levels; smaller residuals are exact fits."""
 LEAST_PULSES = 12
 LEAST_GAIN = 8.0
 """Least rise of the log-likelihood that counts. Three more parameters and some hundred shapes
@@ -28,18 +28,19 @@ gain less in 99 % of rotations without reflection (experiment B6)."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TwoPaths:
-    """How much better two paths explain a rotation than one."""
+    """Comparison of two paths with one for a rotation."""
 
     gain: float
     """Rise of the log-likelihood, fading's size free in both."""
     bearings_deg: tuple[float, float]
     """The best pair, the stronger first; either may be the tag's."""
     density: NDArray[np.float64]
-    """(360,) probability of whole degrees; the stronger path is the likelier direct one."""
+    """(360,) probability of whole degrees; the stronger path is more probably the direct
+    one."""
 
     @property
     def suspected(self) -> bool:
-        """Whether one path alone is not believable."""
+        """True if one path alone is improbable."""
         return self.gain > LEAST_GAIN
 
 
@@ -58,8 +59,8 @@ def two_paths(
     `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
     noise over its median, of heard pulses.
     `pattern`: used in the plane of its elements.
-    `level_db`, `fading_db`: boresight SNR and fading that the one-path fit found; they set the
-    weights and the noise floor only.
+    `level_db`, `fading_db`: boresight SNR and fading of the one-path fit; they set the weights
+    and the noise floor only.
     """
     if len(yaw_deg) < LEAST_PULSES:
         return None
@@ -107,7 +108,7 @@ def _shapes(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Levels (shapes, 360) against bearing of the stronger path minus heading.
 
-    The first is that of one path. The second array holds where the weaker path comes from,
+    The first is that of one path. The second array holds the direction of the weaker path,
     clockwise from the stronger one.
     """
     angles = np.arange(360.0)

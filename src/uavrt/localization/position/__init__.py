@@ -1,4 +1,4 @@
-"""From bearings and powers to a position.
+"""Positions from bearings and powers.
 
 `estimate` is the entry point to all estimators: `bayes_fix` is the default, `lenth` has those
 of the literature. `bearing_evidence` and `power_evidence` compute likelihoods, `common_errors`

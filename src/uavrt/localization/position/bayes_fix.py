@@ -1,9 +1,9 @@
-"""The default position estimator: a posterior on cells that are small where it matters.
+"""The default position estimator: a posterior on cells that are small near its peaks.
 
-Cells are quartered as long as they hold much, so that a narrow peak and long tails, such as
-those of a bearing that may err, are both followed. The point is the most probable one; the mean
-lies outward of it for weak geometry. A bearing that contradicts the others is not followed but
-reported: each may be an outlier with some probability.
+Cells are quartered as long as they hold much, so that narrow peaks and long tails, such as
+those of a possible outlier, are both resolved. The point is the most probable one; the mean
+lies outward of it for weak geometry. A bearing that contradicts the others is reported instead
+of followed: each may be an outlier with some probability.
 """
 
 from collections.abc import Callable
@@ -21,30 +21,30 @@ LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
 log-likelihood (places,)."""
 
 FIRST_CELLS = 36
-"""Along the longer side, before any is quartered."""
+"""Cells along the longer side before any is quartered."""
 HELD = 6e-4
-"""A cell that holds more is quartered …"""
+"""Probability above which a cell is quartered."""
 _HELD_ROUGH = 2e-6
-"""… and one in which the density varies by `_ROUGH_NATS` from more than that on: a peak that
-is narrower than its cell is not yet seen whole."""
+"""Probability above which a cell is quartered if its density varies by `_ROUGH_NATS`: a narrow
+peak may be hidden in it."""
 _ROUGH_NATS = 1.0
 _ADDED_NATS = 0.1
-"""A cell to which another likelihood adds that much may be rough again."""
+"""Change of log-likelihood by another likelihood from which a cell may be rough again."""
 _OVERLOOKED_NATS = 7.0
-"""A corner of a wide cell that is less likely by no more is a peak that may be overlooked."""
+"""Log-density below the best within which a wide cell's corner may be an overlooked peak."""
 _EDGE_SHARE = 0.005
-"""Outermost cells that hold more say that the area cuts the probability."""
+"""Probability of the outermost cells above which the area cuts the posterior."""
 _LEAST_WIDTH_M = 0.1
-"""Narrower cells are left whole."""
+"""Least width of cells that are quartered."""
 _ROUNDS = 18
 _MAP_SHARE = 0.999
-"""What the map shows at the least; the rest is spread too wide for a map."""
+"""Least probability that the map covers; the rest is spread too wide."""
 _PEAK_CELLS = 44
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Area:
-    """Where to search: a rectangle in the local plane."""
+    """Search area: a rectangle in the local plane."""
 
     west_m: float
     east_m: float
@@ -52,7 +52,7 @@ class Area:
     north_m: float
 
     def touches(self, east_m: _Floats, north_m: _Floats, half_m: _Floats) -> NDArray[np.bool_]:
-        """(n,) whether squares around some places reach into it."""
+        """(n,) mask of squares around some places that overlap the area."""
         return np.asarray(
             (east_m + half_m > self.west_m)
             & (east_m - half_m < self.east_m)
@@ -63,13 +63,11 @@ class Area:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """A posterior on squares of any size that cover an area; and what follows from it."""
+    """A posterior on squares of any size that cover an area, and derived values."""
 
     east_m: _Floats
-    """(n,) centres."""
     north_m: _Floats
     width_m: _Floats
-    """(n,) sides."""
     log_density: _Floats
     """(n,) up to a constant."""
     probability: _Floats
@@ -77,17 +75,17 @@ class Cells:
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
-    """The search area cuts the probability."""
+    """True if the search area cuts the probability."""
     rough: NDArray[np.bool_]
-    """(n,) within which the density may vary by more than `_ROUGH_NATS`."""
+    """(n,) True where the density may vary by more than `_ROUGH_NATS` in a cell."""
 
     def mean(self) -> tuple[float, float]:
         """East and north [m] of the point with the least expected squared error."""
         return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
 
     def likely_mean(self, log_likelihood: LogLikelihood) -> tuple[float, float]:
-        """East and north [m] of the mean; or, where it lies between peaks, of the likely place
-        that is nearest to it: one of the smallest set of cells that holds half.
+        """East and north [m] of the mean; or, where it lies between peaks, of the nearest place
+        in the smallest set of cells that holds half.
         """
         east, north = self.mean()
         order = np.argsort(-self.log_density)
@@ -101,7 +99,7 @@ class Cells:
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
         """Radius of the circle around a point that holds some share.
 
-        Each cell's probability is spread over the distances that it reaches.
+        Each cell's probability is spread over its range of distances.
         """
         distance = np.hypot(self.east_m - point[0], self.north_m - point[1])
         # Four parts of each cell, for the cell that holds the point itself reaches from 0.
@@ -172,13 +170,12 @@ def cells_posterior(
 ) -> Cells:
     """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
 
-    `log_likelihood`: sees the width of each cell, so that a ray narrower than it is not missed.
+    `log_likelihood`: gets the width of each cell, so that a ray narrower than it is not missed.
     `first_cells`: cells along the longer side at first.
     `held`: a cell that holds more is quartered.
-    `growth`: cells within which the density varies much are quartered from a small share on; so
-    many times more of it is asked for after each quartering. The slopes of a peak that is seen
-    hold little.
-    `within`: where wider cells than `shows_m` are quartered whatever they hold: the middle of a
+    `growth`: rough cells are quartered from a small share on, which is multiplied by this after
+    each quartering, since the slopes of a resolved peak hold little.
+    `within`: area in which cells wider than `shows_m` are always quartered: the middle of a
     cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
     `shows_m`: width of a cell that misses no peak.
     """
@@ -191,10 +188,10 @@ def cells_posterior(
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
-    """Evaluate another likelihood, one that adds to the one that cells were made for.
+    """Evaluate a likelihood that extends the one that cells were made for.
 
-    `cells`: where to begin: they are as small as the first likelihood asks for.
-    `density` (n,): the other likelihood at these cells. Where it is the first one's but for a
+    `cells`: starting cells, as small as the first likelihood needs.
+    `density` (n,): the new likelihood at these cells. Where it is the first one's but for a
     constant, no cell is quartered again.
     """
     added = density - cells.log_density
@@ -267,7 +264,7 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """Which of the widest cells within an area have a likely corner, and must be quartered."""
+    """Mask of the widest cells within an area with a likely corner, which must be quartered."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
@@ -284,8 +281,8 @@ def _overlooked(
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
     """East and north [m] of the maximum, refined by parabolas.
 
-    Sought on an even grid over the likelier half: cells of several sizes are blurred
-    differently, and do not compare to the last metre.
+    Searched on an even grid over the more likely half: cells of several sizes are blurred
+    differently, and cannot be compared to the last metre.
     """
     east, north, probability = map_of(cells, log_likelihood, _PEAK_CELLS, share=0.5)
     values = np.log(np.maximum(probability, 1e-300))
@@ -317,7 +314,7 @@ def map_of(
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:
-    """Squares that cover an area, the last ones reaching beyond it by less than one."""
+    """Squares that cover an area, the last ones extending beyond it by less than one."""
     wide, high = area.east_m - area.west_m, area.north_m - area.south_m
     step = max(wide, high) / count
     across, along = (max(4, round(side / step)) for side in (wide, high))

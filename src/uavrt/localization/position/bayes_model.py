@@ -27,16 +27,16 @@ LogDensity = Callable[[_Floats, _Floats], _Floats]
 """East and north (places,) to (places,)."""
 _BEARING_RANGE_M = 3000.0
 _NEAR_M = 100.0
-"""Nearer than that all places are equally likely."""
+"""Distance below which all places are equally likely."""
 _PEAK_HEIGHTS = 0.25
-"""Heights above the tag that a peak of a survey's likelihood is wide …"""
+"""Width of a survey's likelihood peak, in heights above the tag."""
 _LEAST_SHARE = 1.0 / 16.0
-"""… and what cells of the survey's extent that takes at the most."""
+"""Largest size of cells for that, as a share of the survey's extent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """What is believed before the flight."""
+    """Prior knowledge before the flight."""
 
     outlier_share: float
     heading_sigma_deg: float
@@ -45,11 +45,11 @@ class Known:
     unusual: frozenset[Explanation]
     height_sigma_m: float
     hills: HillLosses | None = None
-    """The ground around the flight; None is level."""
+    """Ground around the flight; None is level."""
 
 
 class Model:
-    """The likelihood of places, from all that there is."""
+    """Likelihood of places from all measurements."""
 
     def __init__(
         self, stations: Stations | None, powers: PowerTrack | None, known: Known
@@ -84,7 +84,7 @@ class Model:
         )
 
     def _hills_around(self) -> HillLosses | None:
-        """The ground, in this plane and as far as the tag may be."""
+        """Ground in this plane, extended to the tag's largest distance."""
         known = self.known.hills
         if known is None or known.level:
             return None
@@ -94,7 +94,7 @@ class Model:
 
     @property
     def area(self) -> Area:
-        """Where the tag may be."""
+        """Area of the tag's possible places."""
         around = self._surveyed
         length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
         margin = max(300.0, 0.5 * length) if self.stations is None else _BEARING_RANGE_M
@@ -107,7 +107,7 @@ class Model:
 
     @property
     def shows_m(self) -> float:
-        """Width of a cell that misses no peak of a survey; not below a share of its extent."""
+        """Cell width that misses no peak of a survey; at least a share of its extent."""
         around = self.overflown
         square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
         return max(_PEAK_HEIGHTS * self._height_m, _LEAST_SHARE * float(np.sqrt(square_m2)))
@@ -134,7 +134,7 @@ class Model:
 def _bearing_evidence(
     stations: Stations, plane: TangentPlane, known: Known
 ) -> list[BearingEvidence]:
-    """One for each standard deviation that the bearings may have; all equally likely."""
+    """Evidence for each possible standard deviation of the bearings; all equally likely."""
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     if stations.posterior is not None:
         densities = [stations.posterior]
@@ -166,7 +166,7 @@ def _power_evidence(powers: PowerTrack, model: Model, known: Known) -> SurveyEvi
 def _level_evidence(
     stations: Stations, model: Model, propagation: Propagation
 ) -> LevelEvidence | None:
-    """Levels of the rotations, which have the antenna's gain taken out already."""
+    """Levels of the rotations, without the antenna's gain."""
     heard = stations.with_levels
     if heard is None or heard.level_db is None or len(heard.level_db) < 2:
         return None
@@ -191,7 +191,7 @@ _NO_LEVELS = "no bearing has a strength"
 
 
 def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
-    """The receivers that never turned, with the reason where one cannot be used here."""
+    """Receivers that never turned, with the reason where one cannot be used here."""
     why = None
     if model.hills is not None:
         why = _HILLS_UNKNOWN
@@ -232,10 +232,10 @@ def _joined_levels(
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:
     """Log-prior of a place seen from afar: every doubling of the distance is equally likely.
 
-    It decides nothing where bearings cross well. Where they hardly do, a flat prior would put
-    the tag into the far end of the wedge, which has the largest area: stations 60 m apart and a
-    tag at 300 m then gave errors of 136 m at the median and 2.5 km in a tenth of the runs, and
-    77 m and 153 m with this one; its circles hold what they say.
+    It has no effect where bearings cross well. Where they hardly do, a flat prior would put the
+    tag into the far end of the wedge, which has the largest area: stations 60 m apart and a tag
+    at 300 m then gave errors of 136 m at the median and 2.5 km in a tenth of the runs, and 77 m
+    and 153 m with this one; its circles hold the stated probability.
     """
     middle_east = 0.5 * (around.west_m + around.east_m)
     middle_north = 0.5 * (around.south_m + around.north_m)
@@ -249,10 +249,9 @@ def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDe
 
     Uniform inside the surveyed rectangle; outside, a factor e for each quarter of the lines'
     spacing, which is the rectangle over the track's length: a survey reaches half a spacing to
-    both sides of its lines. Power alone hardly tells a tag beyond the outermost line from its
-    mirror image. Where no area was flown over, as along a single line, it is a tenth of the
-    extent. From above, lines closer than the height see no farther down: it is a quarter of
-    the height at the least.
+    both sides of its lines. Power alone hardly separates a tag beyond the outermost line from
+    its mirror image. Along a single line, the quarter is replaced by a tenth of the extent. It
+    is a quarter of the height at least, since lines closer than the height see no farther.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)

@@ -1,4 +1,4 @@
-"""The posterior of a place: a tag that rests, and what else may explain its bearings."""
+"""Posterior of a place: a resting tag, and other explanations of its bearings."""
 
 from dataclasses import dataclass
 
@@ -38,16 +38,18 @@ from uavrt.localization.results import Caution, Position, PositionGrid
 
 _Floats = NDArray[np.float64]
 _NEGLIGIBLE = 0.005
-"""Explanations less probable than that change no circle."""
+"""Probability below which an explanation changes no circle."""
 _BEARING_CELLS = 100
 _SURVEY_FIRST_CELLS = 28
 _SURVEY_HELD = 2e-3
-"""Circles and the mean ask for no smaller cells, each of which costs some hundred pulses …"""
+"""Least probability of a survey's cells that are quartered; smaller cells change neither
+circles nor mean."""
 _SURVEY_GROWTH = 2.0
-"""… nor for many on a peak's slopes: without, 95 % circles are 0.3 % wider, at half as many
-cells again."""
+"""Growth of that limit on a peak's slopes: without, 95 % circles are 0.3 % wider, at half as
+many cells again."""
 _POWER_CELLS = 44
-"""Some hundred pulses for each cell: a coarser grid keeps a position under 150 ms."""
+"""First cells along a side for some hundred pulses: a coarser grid keeps a position under 150
+ms."""
 
 
 def bayes_position(
@@ -57,11 +59,11 @@ def bayes_position(
     *,
     follow: Follow = "never",
 ) -> Position:
-    """Find the posterior of a place, and what an operator is told about it.
+    """Find the posterior of a place, and cautions for the operator.
 
-    `stations`, `powers`: what was measured; one of them at the least.
-    `follow`: when the way of a tag that moves is sought.
-    Raises `UsageError`: a way was asked for, and times are not known.
+    `stations`, `powers`: measurements; at least one of them.
+    `follow`: when a moving tag's path is computed.
+    Raises `UsageError`: a path was requested, and times are not known.
     """
     model = Model(stations, powers, known)
     solved = _solved(model)
@@ -106,19 +108,19 @@ def bayes_position(
 
 
 def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
-    """What the elevation files do not tell."""
-    told = () if known.hills is None else known.hills.told()
-    return tuple(Caution(name="ground", text=text) for text in told)
+    """Cautions on gaps of the elevation files."""
+    notes = () if known.hills is None else known.hills.cautions()
+    return tuple(Caution(name="ground", text=text) for text in notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Solved:
-    """The posterior, whatever explains the bearings, and the point that is told."""
+    """Posterior over all explanations of the bearings, and the reported point."""
 
     log_likelihood: LogLikelihood
     cells: Cells
     resting: Cells
-    """The posterior of a tag that rests, headings being as usual."""
+    """Posterior of a resting tag with usual heading errors."""
     agreement: "_Agreement"
     point: tuple[float, float]
 
@@ -153,7 +155,7 @@ def _solved(model: Model) -> _Solved:
 def _explained(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
-    """Add to the places of a resting tag those of the other explanations."""
+    """Add the places by other explanations to those of a resting tag."""
     log_likelihood: LogLikelihood = model.log_likelihood
     cells = resting
     if agreement.others:
@@ -179,31 +181,31 @@ def _explained(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Agreement:
-    """Whether the bearings agree, and what else than a resting tag explains them."""
+    """Consistency of the bearings, and explanations other than a resting tag."""
 
     found: tuple[tuple[float, Fit], ...] = ()
     """All explanations with their probabilities, that of a resting tag first."""
-    told: Fit | None = None
-    """The explanation that the operator is told of; None where there is none."""
+    reported: Fit | None = None
+    """The reported explanation; None where there is none."""
     unchecked: tuple[Caution, ...] = ()
     """Why a common error cannot be checked."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
-        """What else than a resting tag explains the bearings, if that matters."""
+        """Explanations other than a resting tag, if they matter."""
         return tuple(one for one in self.found[1:] if one[0] > _NEGLIGIBLE)
 
     @property
     def best(self) -> Fit | None:
-        """The most probable explanation; None when none was sought."""
+        """The most probable explanation; None when none was computed."""
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
     def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
-        """What the operator must know of the bearings."""
+        """Cautions on the bearings."""
         outliers = () if doubts is None else doubts.outlier_probabilities
-        if self.told is None:
+        if self.reported is None:
             return cautions_of_outliers(outliers) + self.unchecked
-        return cautions_of(self.told, outliers or None) + self.unchecked
+        return cautions_of(self.reported, outliers or None) + self.unchecked
 
 
 def _agreement(model: Model, point: tuple[float, float]) -> _Agreement:
@@ -213,12 +215,12 @@ def _agreement(model: Model, point: tuple[float, float]) -> _Agreement:
     if not stations_around(bearings.east_m, bearings.north_m, point):
         middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
         if not stations_around(bearings.east_m, bearings.north_m, middle):
-            return _Agreement(told=_resting(model, bearings, point), unchecked=(UNCHECKED,))
+            return _Agreement(reported=_resting(model, bearings, point), unchecked=(UNCHECKED,))
     found = _explanations(model, bearings, point, model.known.unusual)
     _, best = max(found, key=lambda one: one[0])
     if stations_around(bearings.east_m, bearings.north_m, best.middle_of(bearings)):
-        return _Agreement(found=found, told=best)
-    return _Agreement(found=found, told=found[0][1], unchecked=(UNCHECKED,))
+        return _Agreement(found=found, reported=best)
+    return _Agreement(found=found, reported=found[0][1], unchecked=(UNCHECKED,))
 
 
 def _explanations(
@@ -238,7 +240,7 @@ def _explanations(
 
 
 def _resting(model: Model, bearings: FlightBearings, point: tuple[float, float]) -> Fit | None:
-    """The fit of a tag that rests, which tells bearings that contradict each other apart."""
+    """Fit of a resting tag, which identifies contradicting bearings."""
     if len(bearings.bearing_deg) < 2:
         return None
     ((_, fit),) = _explanations(model, bearings, point, frozenset())
@@ -278,11 +280,11 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Mixture:
-    """Places of a resting tag with headings as usual, and of the other explanations."""
+    """Places of a resting tag with usual headings, and of the other explanations."""
 
     resting: LogLikelihood
     log_evidence: float
-    """Of the resting tag."""
+    """Evidence for the resting tag."""
     others: tuple[tuple[float, Fit], ...]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
@@ -293,7 +295,7 @@ class _Mixture:
     def added_to(
         self, resting: _Floats, east_m: _Floats, north_m: _Floats, cell_m: _Floats
     ) -> _Floats:
-        """(places,) of the mixture, that of the resting tag being known."""
+        """(places,) of the mixture, given that of the resting tag."""
         rest = 1.0 - sum(probability for probability, _ in self.others)
         parts = [np.log(max(rest, 1e-12)) + resting - self.log_evidence]
         for probability, fit in self.others:
@@ -312,7 +314,7 @@ class _Mixture:
 def _heading_error(
     model: Model, doubts: Doubts | None, agreement: _Agreement
 ) -> tuple[float | None, float | None]:
-    """The common error of all headings, as far as the bearings show it."""
+    """Common error of all headings, as far as the bearings determine it."""
     if model.known.heading_sigma_deg <= 0.0 or doubts is None:
         return None, None
     best = agreement.best
@@ -324,7 +326,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Of the most likely standard deviation, where several are weighed."""
+    """Doubts at the most likely standard deviation, where several are weighed."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

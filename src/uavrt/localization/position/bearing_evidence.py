@@ -1,4 +1,4 @@
-"""What bearings say about a place: each one's density, mixed with the chance that it errs."""
+"""Likelihood of a place from bearings, each mixed with its outlier probability."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from uavrt.localization.angles import difference_deg
 
 _STEP_DEG = 0.25
 _BLURS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""A bearing seen from within a wide cell of a grid is as blurred as the cell is wide."""
+"""Blur of a bearing in a wide grid cell, by the cell's apparent width."""
 UNKNOWN_SIGMAS_DEG = (1.5, 3.0, 6.0, 12.0, 24.0)
-"""Common standard deviations weighed against each other when bearings come without one."""
+"""Candidate standard deviations for bearings without one."""
 _MULTIPLIED = 16
-_TOLD_SHARE = 0.9999
+_EVALUATED_SHARE = 0.9999
 
 _Floats = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class BearingEvidence:
 
     `east_m`, `north_m` (n,): stations in the local plane.
     `posterior` (n, 360): probability of whole degrees, for each bearing.
-    `outlier_share`: probability that a bearing has nothing to do with the tag.
+    `outlier_share`: probability that a bearing is unrelated to the tag.
     `heading_sigma_deg`: error that the headings of all bearings share.
     """
 
@@ -70,7 +70,7 @@ class BearingEvidence:
         """(n, places, turned): density of each bearing towards each place, per degree.
 
         `east_m`, `north_m` (places,): the places.
-        `cell_m` (places,): width of the cell that a place stands for.
+        `cell_m` (places,): width of the cell that a place represents.
         """
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]
@@ -114,10 +114,10 @@ class BearingEvidence:
     def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
     ) -> "Doubts":
-        """What a posterior of places says of the headings and of each bearing."""
+        """Heading error and outlier probabilities over a posterior of places."""
         # Cells in the far tails are many, and decide nothing.
         order = np.argsort(-probability)
-        count = int(np.searchsorted(np.cumsum(probability[order]), _TOLD_SHARE)) + 1
+        count = int(np.searchsorted(np.cumsum(probability[order]), _EVALUATED_SHARE)) + 1
         kept = order[:count]
         held = probability[kept] / probability[kept].sum()
         densities = self.densities(east_m[kept], north_m[kept], cell_m[kept])
@@ -137,17 +137,17 @@ class BearingEvidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubts:
-    """What bearings say of themselves, over a posterior of places."""
+    """Heading error and outliers, averaged over a posterior of places."""
 
     heading_error_deg: float
-    """Mean and standard deviation of what all headings err by."""
+    """Mean and standard deviation of the common error of all headings."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
-    """For each bearing, that it errs."""
+    """Outlier probability of each bearing."""
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:
-    """Heading errors that are weighed, up to three sigma, in steps of the tables; 9 or so."""
+    """Heading errors on a grid of up to three sigma, in steps of the tables; about 9."""
     step = max(1, round(0.67 * sigma_deg / _STEP_DEG))
     reach = int(3.0 * sigma_deg / _STEP_DEG / step)
     return np.arange(-reach, reach + 1) * step

@@ -1,10 +1,9 @@
 """The same regression when pulses were missed because they were weak.
 
-A fit to the heard pulses alone takes the lucky ones for the rule: at the rim of hearing the
-loss looks flat. Each miss is therefore filled in by what it must have been on average, given
-that it stayed below the threshold, and the fit repeated (expectation maximisation of Tobin's
-model). Some misses have other reasons than being weak, such as an interferer: how many is
-found at each place, too, in the same way.
+A fit to the heard pulses alone is biased: at the limit of hearing the loss looks flat. Each
+miss is therefore replaced by its expected level below the threshold, and the fit repeated
+(expectation maximisation of Tobin's model). Some misses have other reasons, such as an
+interferer: their share is estimated at each place in the same way.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,24 +17,24 @@ from uavrt.lean_scipy import special
 from uavrt.localization.position.level_evidence import Propagation
 
 MISSED_BY_CHANCE = 0.02
-"""Share of pulses missed for other reasons than being weak, beforehand …"""
+"""Prior share of pulses missed for other reasons than being weak."""
 _CHANCE_PULSES = 50.0
-"""… as if it had been seen in so many pulses."""
+"""Weight of that prior, in pulses."""
 _ROUNDS = 8
 _MOST_MISSES = 60
-"""More misses than that are thinned out, and count more each."""
+"""Most misses used; more are thinned out and weighted."""
 _TYPICAL_FADING_DB = 4.0
 _LOG_ROOT_TWO_PI = 0.918_938_533_2
 _LOWEST, _HIGHEST = -12.0, 8.0
 _STEPS = 64
-"""Of the tables of the normal distribution, for one standard deviation."""
+"""Steps of the normal distribution's tables in one standard deviation."""
 _TOGETHER = 12_000
-"""Numbers that are worked on at once: what the processor's cache holds of some ten of them."""
+"""Numbers computed at once: about a tenth of the processor's cache."""
 
 _STRETCHES = (8, 16, 32)
-"""Pulses of a stretch …"""
+"""Pulses of a stretch."""
 _LEAST_STRETCHES = 5
-"""… of which so many tell how their means scatter."""
+"""Least number of stretches that shows the scatter of their means."""
 _MOST_CORRELATION = 0.98
 
 _Floats = NDArray[np.float64]
@@ -43,7 +42,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CensoredFit:
-    """Level and exponent at each place, and how probable it all is there."""
+    """Level and exponent at each place, and its likelihood."""
 
     log_likelihood: _Floats
     level_db: _Floats
@@ -75,7 +74,7 @@ class HeardSums:
 
     @classmethod
     def joined(cls, parts: Sequence["HeardSums"]) -> "HeardSums":
-        """Those of several places' parts as one."""
+        """Join the sums of several parts of the places."""
         return cls(
             count=parts[0].count,
             x=np.concatenate([one.x for one in parts]),
@@ -86,7 +85,7 @@ class HeardSums:
         )
 
     def at(self, places: slice) -> "HeardSums":
-        """Those of some places."""
+        """Sums at some of the places."""
         return HeardSums(
             count=self.count,
             x=self.x[places],
@@ -97,7 +96,7 @@ class HeardSums:
         )
 
     def energy(self, level: _Floats, exponent: _Floats) -> _Floats:
-        """Sum of the squares of what a line leaves."""
+        """Residual sum of squares about a line."""
         across = self.zz - 2.0 * (level * self.z + exponent * self.xz)
         along = 2.0 * level * exponent * self.x + exponent**2 * self.xx
         return np.asarray(np.maximum(across + along + level**2 * self.count, 1e-9))
@@ -109,7 +108,7 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
 
 
 def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Some of the misses, evenly along the track, and what each counts."""
+    """Some of the misses, evenly along the track, and the weight of each."""
     every = max(1, -(-len(missed) // _MOST_MISSES))
     kept = missed[every // 2 :: every]
     return kept, len(missed) / max(1, len(kept))
@@ -125,11 +124,11 @@ def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
 
 
 def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
-    """Get the normal distribution function, and the density over it (inverse Mills ratio).
+    """Normal distribution function, and the density over it (inverse Mills ratio).
 
-    By tables with straight lines between their values, several times as fast as the functions:
-    8e-6 and 2e-5 off at most. Beyond the tables' ends they are as at these, but for the ratio,
-    whose line goes on below, where it nears -u.
+    Linear interpolation in tables is several times as fast as the functions, with errors up to
+    8e-6 and 2e-5. Beyond the tables' ends the values stay constant, but for the ratio, whose
+    line continues below, where it nears -u.
     """
     below, below_steps, ratio, ratio_steps = _normal_tables()
     place = np.minimum(u, _HIGHEST)
@@ -148,18 +147,18 @@ def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CensoredSums:
-    """What places are fitted by when pulses were missed."""
+    """Regression input of places when pulses were missed."""
 
     heard: HeardSums
-    """Of -10 log10 of distance over 100 m, and of levels with the antenna's gain taken out."""
+    """x: -10 log10 of distance over 100 m; z: levels less the antenna's gain."""
     missed_loss: _Floats
-    """(places, m): the first for misses."""
+    """(places, m): x for misses."""
     limit_db: _Floats
-    """(places, m): the level that each miss stayed below."""
+    """(places, m): upper limit of each miss's level."""
 
     @classmethod
     def joined(cls, parts: Sequence["CensoredSums"]) -> "CensoredSums":
-        """Those of several places' parts as one."""
+        """Join the sums of several parts of the places."""
         return cls(
             heard=HeardSums.joined([one.heard for one in parts]),
             missed_loss=np.concatenate([one.missed_loss for one in parts]),
@@ -186,10 +185,10 @@ def censored_fit(
     *,
     correlation: float = 0.0,
 ) -> CensoredFit:
-    """Fit level, exponent, fading and misses by chance at each place.
+    """Fit level, exponent, fading and random misses at each place.
 
-    `miss_weight`: how many misses each stands for.
-    `correlation`: of neighbouring pulses' fading, the same for all places that are compared.
+    `miss_weight`: number of misses that each represents.
+    `correlation`: of neighbouring pulses' fading, the same for all compared places.
     """
     fits = [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]
     return CensoredFit(
@@ -270,14 +269,14 @@ def _regressed(
 
 
 def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> float:
-    """Correlation of neighbours that would make means of stretches scatter as they do.
+    """Correlation of neighbours that explains the scatter of the means of stretches.
 
-    What a model of the ground has wrong goes on for many pulses below their own scatter, where
-    neighbours alone hardly show it. The fit follows some of it, so that what is expected of the
-    model's error is added to what the residuals show.
+    Errors of the ground model extend over many pulses below their own scatter, where neighbours
+    alone hardly show them. The fit absorbs some of them, so the model's expected error is added
+    to that of the residuals.
 
     `residual`: shape (n,).
-    `error_db`: standard deviation of the losses' error along the way.
+    `error_db`: standard deviation of the losses' error along the track.
     `alike`: pulses over which it is the same.
     """
     energy = max(float(np.var(residual)), 1e-9)

@@ -1,9 +1,9 @@
-"""Do bearings agree, and if not: what would explain them all at once?
+"""Check that bearings agree, and find a common explanation if they do not.
 
-A compass that is wrong, or an animal that walks, turns all bearings of a flight together; none
-of them looks bad by itself. Four stations around the tag tell: a tag that rests, one that
-walks, and headings that all err by the same are each fitted to the bearings (with outliers),
-and compared by their evidence (Laplace's approximation; MacKay, Information Theory, ch. 27).
+A wrong compass, or a walking animal, turns all bearings of a flight together; no single one
+looks bad. With four stations around the tag three explanations can be compared: a resting tag,
+a walking one, and a common heading error. Each is fitted to the bearings (with outliers) and
+compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch. 27).
 """
 
 from dataclasses import dataclass
@@ -21,25 +21,26 @@ _Floats = NDArray[np.float64]
 
 LEAST_STATIONS = 4
 AROUND_DEG = 210.0
-"""Seen from the tag, no wider arc is without a station."""
+"""Widest arc without a station, seen from the tag."""
 WRONG_COMPASS_SHARE = 0.02
 WRONG_COMPASS_DEG = 20.0
-"""How far off headings are when something is wrong with them: standard deviation."""
+"""Standard deviation of the headings when the compass is wrong."""
 WALKING_SHARE = 0.05
 WALKING_M_S = 0.5
-"""Speed in each direction of an animal that walks during a flight: standard deviation."""
+"""Standard deviation of a walking animal's speed in each direction."""
 _LEAST_SPAN_S = 20.0
 _CONTRADICTION = 0.01
-"""Bearings that scatter so only once in a hundred flights contradict each other."""
+"""Probability of the bearings' scatter below which they contradict each other: once in a
+hundred flights."""
 _SURELY_GOOD = 0.1
-"""Less probably an outlier than that, a bearing is a good one."""
+"""Outlier probability below which a bearing is a good one."""
 _LEAST_AGREEING = 3
 _ROUNDS = 25
 _LOOSE_ROUNDS = 8
 
 Explanation = Literal["rest", "compass", "walk"]
 UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
-"""What else than a resting tag with usual headings may be."""
+"""Explanations other than a resting tag with usual headings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,30 +54,29 @@ class FlightBearings:
     sigma_deg: _Floats
     """(n,) of each bearing alone."""
     time_s: _Floats | None = None
-    """(n,) None: nobody knows, and the tag rests."""
+    """(n,) None: times are unknown, and the tag is assumed to rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """One explanation, fitted."""
+    """One fitted explanation."""
 
     explanation: Explanation
     place: _Floats
-    """(2,) east and north [m], of a walking tag at the last bearing."""
+    """(2,) east and north [m]; for a walking tag at the last bearing."""
     covariance_m2: _Floats
-    """(2, 2)."""
     heading_error_deg: float
     heading_error_sigma_deg: float
     velocity_m_s: _Floats
     """(2,) east and north."""
     inlier: _Floats
-    """(n,) probability that each bearing has to do with the tag."""
+    """(n,) probability that each bearing is of the tag."""
     misfit: float
-    """Probability that bearings scatter so much or more, were the explanation right."""
+    """Probability of at least this scatter of the bearings under the explanation."""
     log_evidence: float
 
     def middle_of(self, bearings: FlightBearings) -> tuple[float, float]:
-        """East and north in the middle of the flight: what stations stand around."""
+        """East and north of the tag in the middle of the flight."""
         ago_s = 0.0 if bearings.time_s is None else 0.5 * float(np.ptp(bearings.time_s))
         east, north = self.place - ago_s * self.velocity_m_s
         return float(east), float(north)
@@ -91,7 +91,7 @@ class _Model:
 
 
 def stations_around(east_m: _Floats, north_m: _Floats, place: tuple[float, float]) -> bool:
-    """Whether stations are many enough, and around a place, so that common errors show."""
+    """True if enough stations surround a place to show common errors."""
     if len(east_m) < LEAST_STATIONS:
         return False
     seen = np.degrees(np.arctan2(east_m - place[0], north_m - place[1]))
@@ -109,8 +109,8 @@ def explanations(
     """Fit all explanations; each with its probability, that of a resting tag first.
 
     `bearings`: four or more, around the tag.
-    `heading_sigma_deg`: common error of the headings that is usual; 0: they are known.
-    `outlier_share`: probability that a bearing has nothing to do with the tag.
+    `heading_sigma_deg`: usual common error of the headings; 0: they are known.
+    `outlier_share`: probability that a bearing is unrelated to the tag.
     """
     models = []
     if "compass" in unusual:
@@ -147,7 +147,7 @@ def explanations(
 def _best(
     bearings: FlightBearings, place: tuple[float, float], model: _Model, outlier_share: float
 ) -> Fit:
-    """The best of fits from several starts: outliers leave more than one maximum."""
+    """Best fit from several starts: outliers cause more than one maximum."""
     middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
     fits = []
     for east, north in (place, middle):
@@ -212,7 +212,7 @@ def _fitted(
 def _linearised(
     bearings: FlightBearings, theta: _Floats, ago: _Floats
 ) -> tuple[_Floats, _Floats]:
-    """Residuals (n,) [deg], and the slopes of what is expected (n, 5)."""
+    """Residuals (n,) [deg], and derivatives of the expected bearings (n, 5)."""
     east = theta[0] + theta[3] * ago - bearings.east_m
     north = theta[1] + theta[4] * ago - bearings.north_m
     square = np.maximum(east**2 + north**2, 25.0)
@@ -251,10 +251,9 @@ UNKNOWN_SIGMAS = Caution(
 def cautions_of(
     fit: Fit, outlier_probabilities: tuple[float, ...] | None = None
 ) -> tuple[Caution, ...]:
-    """What the operator must know of the most probable explanation.
+    """Cautions on the most probable explanation.
 
-    `outlier_probabilities`: for each bearing of a tag that rests, over all places where it may
-    be.
+    `outlier_probabilities`: for each bearing of a resting tag, over all its possible places.
     """
     found = []
     if fit.explanation == "compass":
@@ -277,14 +276,14 @@ def cautions_of(
 
 
 def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caution, ...]:
-    """What the operator must know of bearings that nobody says the errors of."""
+    """Cautions on bearings with unknown errors."""
     return _cautions_of_odd(np.array(outlier_probabilities) > 0.5, scatter=False)
 
 
 def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution, ...]:
-    """What bearings that are odd mean, and others that scatter too far.
+    """Cautions on odd bearings, and on others that scatter too far.
 
-    Two lines always cross somewhere: with a bearing that is odd, two others confirm nothing.
+    Two lines always cross somewhere: with an odd bearing, two others confirm nothing.
     """
     numbers = np.flatnonzero(odd) + 1
     few = len(odd) - len(numbers) < _LEAST_AGREEING
@@ -298,7 +297,7 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
 
 
 def _contradicting(numbers: NDArray[np.int64]) -> str:
-    """Which bearings contradict the others, in words."""
+    """Sentence that names the bearings that contradict the others."""
     if not len(numbers):
         return "the bearings contradict each other more than their errors allow"
     if len(numbers) == 1:
@@ -308,10 +307,10 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) bearings that have rather nothing to do with the tag.
+    """(n,) mask of probable outliers.
 
-    A bearing with two lobes that agrees by the second one is a good one of the posterior,
-    while the fit knows the first alone.
+    A bearing with two lobes that agrees by the second one is good for the posterior, while the
+    fit uses only the first.
     """
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:

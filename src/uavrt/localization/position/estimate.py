@@ -24,13 +24,13 @@ from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 HEADING_SIGMA_DEG = 1.5
-"""Error that all headings of a flight share, were nothing said of it: a calibrated compass, a
-mounting by eye, and the declination."""
+"""Default error that all headings of a flight share: a calibrated compass, a mounting by eye,
+and the declination."""
 LEAST_EXTENT_M = 20.0
-"""Of a track of powers: less is one place, with a satellite receiver's wandering."""
+"""Least extent of a track of powers; less is one place with GNSS noise."""
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
 ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
-"""Estimators that installed packages add, by the name of the method."""
+"""Estimators of installed packages, by the name of the method."""
 
 
 def estimate_position(
@@ -62,14 +62,14 @@ def estimate_position(
         they were meant, or one that an installed package adds (docs/how-to/extend.md).
     outlier_share : float, optional
         Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
-        0.02 for one to three bearings, of which none can tell the other wrong.
+        0.02 for one to three bearings, which cannot expose an outlier.
     heading_sigma_deg : float
         Standard deviation of the error that all headings of the flight share (compass,
-        mounting, declination). It is estimated where the stations tell it; 0 takes the headings
-        for true.
+        mounting, declination). It is estimated where the stations determine it; 0 means
+        exact headings.
     height_sigma_m : float
         Standard deviation of the error that all heights of the powers share (terrain, a tag on
-        a tree). It is estimated where the powers tell it; 0 takes the heights for true.
+        a tree). It is estimated where the powers determine it; 0 means exact heights.
     propagation : Propagation, optional
         What is known of the path loss.
     max_range_m : float, optional
@@ -198,7 +198,7 @@ def _lenth(stations: Stations, method: str) -> Position:
 def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
     """Lenth's covariance with the scatter over n - 2 bearings: two coordinates were fitted.
 
-    Lenth, R. V. (1981), Technometrics 23 (2), divides by n. None where nothing is left over.
+    Lenth, R. V. (1981), Technometrics 23 (2), divides by n. None for two bearings.
     """
     if covariance_m2 is None or stations < 3:
         return None
@@ -206,9 +206,9 @@ def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
 
 
 def _wider(share: float, stations: int) -> float:
-    """How much wider a region is since its scatter is estimated from n - 2 bearings.
+    """Factor by which a region widens because its scatter is estimated from n - 2 bearings.
 
-    Hotelling: 2 F(2, n - 2) stands for chi-squared of 2 degrees; both have closed quantiles.
+    Hotelling: 2 F(2, n - 2) replaces chi-squared of 2 degrees; both have closed quantiles.
     """
     left = stations - 2
     squared = left * ((1.0 - share) ** (-2.0 / left) - 1.0)

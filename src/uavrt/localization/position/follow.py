@@ -1,4 +1,4 @@
-"""Decide whether to track a tag as moving: do its bearings or powers rule out a fixed place?"""
+"""Decide whether a tag moved: check if bearings or powers rule out a fixed place."""
 
 from dataclasses import replace
 from typing import Literal
@@ -13,26 +13,26 @@ from uavrt.localization.position.survey_walk import SurveyWalk, survey_walk
 from uavrt.localization.results import Position, TrackPoint
 
 Follow = Literal["never", "contradicted", "always"]
-"""When a track is sought: not at all; where the tag cannot rest; whatever it does."""
+"""When a path is computed: never; where the tag cannot rest; always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _RESTING_FADING_DB = 6.0
 _MOVES = "the tag moved, and its way is followed by bearings"
 """Fading that a way is sought with where the tag seems to rest: neighbours may fade alike."""
 _SURVEY_MARGIN = 0.25
-"""Of a survey's extent: so far outside a tag that walks is looked for."""
+"""Margin around a survey in which a walking tag is searched, as a share of its extent."""
 
 
 def followed(position: Position, model: Model, follow: Follow) -> Position:
-    """Add to a position the way of a tag that moved.
+    """Add the path of a moving tag to a position.
 
-    A tag that nothing contradicts to rest keeps its place, and has a way only where one was
-    asked for. The place by bearings holds already that the tag may have walked; where powers
-    contradict theirs, the position is the way's end.
+    A tag whose data allow a fixed place keeps it, and has a path only on request. The place by
+    bearings already allows for walking; where powers contradict a fixed place, the position is
+    the path's end.
 
-    `position`: of a tag that rests, or as its bearings' best explanation has it.
-    `model`: what was measured, and what was believed before.
+    `position`: of a resting tag, or of its bearings' best explanation.
+    `model`: measurements and prior.
     `follow`: ``"contradicted"`` or ``"always"``.
-    Raises `UsageError`: a way was asked for, and times are not known.
+    Raises `UsageError`: a path was requested, and times are not known.
     """
     if model.stations is not None:
         return _by_bearings(position, model, follow)
@@ -47,8 +47,8 @@ def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
     named = {one.name for one in position.cautions}
     # Bearings from one side, or three, contradict each other in more ways than by a walk.
     contradicted = bool(named & _CONTRADICTS) and "unchecked" not in named
-    told = stations.time_s is not None and len(stations.time_s) >= LEAST_TIMES
-    if follow == "contradicted" and not (contradicted and told):
+    has_times = stations.time_s is not None and len(stations.time_s) >= LEAST_TIMES
+    if follow == "contradicted" and not (contradicted and has_times):
         return position
     assert grid is not None
     around = Area(
@@ -87,7 +87,7 @@ def _by_powers(
 
 
 def _on_level_ground(position: Position, model: Model, powers: PowerTrack) -> PowerTrack:
-    """The powers without what the hills take on the way from a tag that rests."""
+    """The powers without losses behind hills for a resting tag."""
     if model.hills is None:
         return powers
     place = model.plane.to_local(position.latitude_deg, position.longitude_deg)
@@ -114,7 +114,7 @@ def _walk(model: Model, powers: PowerTrack) -> SurveyWalk | None:
 
 
 def _ended(position: Position, way: tuple[TrackPoint, ...]) -> Position:
-    """The position at the end of a way; regions are the way's circles."""
+    """The position at the end of a path; regions are the path's circles."""
     if not way:
         return position
     last = way[-1]

@@ -1,7 +1,7 @@
 """Positions from bearings after Lenth (1981, Technometrics 23:149), in the local plane.
 
-As the original system computes them, so that its published positions come out again, and beside
-them the definitions corrected where it errs.
+Each as the original system computes it, to reproduce its published positions, and in a
+corrected form.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _ITERATIONS = 200
 _CONVERGED_M = 0.001
 _ANDREWS = 1.5
 _FAR_M = 100_000.0
-"""A position farther off than any radio tag is heard is a divergence."""
+"""Distance beyond any radio tag's range, which means divergence."""
 
 _Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class PlanePosition:
     covariance_m2: _Floats | None
     """(2, 2), east and north; None when the bearings' scatter is not known."""
     weights: _Floats
-    """(n,) what each bearing counted, 1 is full."""
+    """(n,) weight of each bearing, 1 is full."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ class Rays:
 
     @property
     def angle_rad(self) -> _Floats:
-        """Counter-clockwise from east, as the paper has it."""
+        """Counter-clockwise from east, as in the paper."""
         return np.asarray(np.radians(90.0 - self.bearing_deg))
 
 
@@ -68,7 +68,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
     `as_original`: True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then
     near 2.2 for any bearings, and none is ever rejected. False sets it to the inverse function
-    A⁻¹(C), as Lenth has it.
+    A⁻¹(C), as in Lenth's paper.
     """
     weights = np.ones(len(rays.east_m))
     point = _start(rays, weights)

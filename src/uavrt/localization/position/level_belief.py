@@ -1,8 +1,8 @@
-"""What is believed of a tag's strength, place by place, and how a pulse or a miss changes it.
+"""Estimate of a tag's strength, place by place, and its update by a pulse or a miss.
 
-Published trackers take the strength as known. Here every place (cell or particle) carries a
-normal belief of it, given that the tag is there; a pulse updates it exactly, a miss by its
-first two moments. So the strength is learnt while the tag is found.
+Published trackers assume a known strength. Here every place (cell or particle) has a normal
+distribution of it, given that the tag is there. A pulse updates it exactly, a miss by its first
+two moments. So the strength is learnt while the tag is searched.
 """
 
 from dataclasses import dataclass, replace
@@ -20,9 +20,9 @@ from uavrt.terrain.hill_losses import HillLosses
 
 _ROOT_TWO_PI = 2.506_628_275
 BY_CHANCE = 0.02
-"""Share of pulses that are missed, or are heard at any strength, for no reason of geometry."""
+"""Share of pulses that are missed, or received at any strength, independently of geometry."""
 ANY_STRENGTH = 1.0 / 120.0
-"""Density of those [1/dB]."""
+"""Density of these [1/dB]."""
 _BARELY_DB = 3.0
 REFERENCE_M = 100.0
 _TINY = 1e-30
@@ -30,15 +30,15 @@ _COSINES = 4096
 """Steps of a pattern's table: 1.8° at boresight, where it is flat, 0.03° across it."""
 _TAIL_STEP = 0.005
 _TAIL = 12.0
-"""The normal tail is read from a table to this many standard deviations."""
+"""Range of the normal tail's table [standard deviations]."""
 
 _Floats = NDArray[np.floating[Any]]
-"""Single or double: what comes in says which goes out."""
+"""Single or double precision, as in the input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listening:
-    """One pulse that was heard, or listened for in vain."""
+    """One expected pulse, heard or missed."""
 
     east_m: float
     """Place of the drone in the tracker's plane."""
@@ -46,7 +46,7 @@ class Listening:
     height_m: float
     """Above the tag."""
     snr_db: float | None
-    """None is a miss: it tells where the tag is not."""
+    """None is a miss: evidence of where the tag is not."""
     threshold_db: float = 10.0
     """SNR from which it would have been heard."""
     yaw_deg: float | None = None
@@ -54,11 +54,11 @@ class Listening:
 
 
 def by_chance_density(heard: Listening) -> float:
-    """Density [1/dB] of the level of pulses that are heard by chance.
+    """Density [1/dB] of the level of pulses that are not the tag's.
 
-    Noise that passes the threshold passes it barely; half of them are of that kind, and half
-    of any strength. Were all of any strength, each that barely passes would be one more sign of
-    a tag that is barely heard, and none would ever be taken for absent.
+    Half of them are noise just above the threshold, and half have any strength. If all had any
+    strength, each weak false pulse would be evidence of a weak tag, and no tag would be judged
+    absent.
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
@@ -69,8 +69,8 @@ def by_chance_density(heard: Listening) -> float:
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Gain in and across the plane of the elements, by the cosine off boresight, -1 to 1.
 
-    A pattern is asked for ten thousand places with every pulse: without arc cosines that takes
-    a fifth of the time.
+    A pattern is evaluated for ten thousand places with every pulse: without arc cosines that
+    takes a fifth of the time.
     """
     forward = np.linspace(-1.0, 1.0, _COSINES + 1)
     aside = np.sqrt(1.0 - forward**2)
@@ -90,7 +90,7 @@ def _tails() -> NDArray[np.float32]:
 
 
 def log_normal_tail(u: _Floats) -> _Floats:
-    """Logarithm of the normal distribution function; beyond 12 what it is at 12."""
+    """Logarithm of the normal distribution function; constant beyond 12."""
     place = (np.clip(u, -_TAIL, _TAIL) + _TAIL) * (1.0 / _TAIL_STEP) + 0.5
     return np.asarray(_tails()[place.astype(np.int32)])
 
@@ -129,20 +129,20 @@ def antenna_gain_db(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behind:
-    """What the ground does to a pulse from each place."""
+    """Effect of the ground on a pulse from each place."""
 
     rise_m: _Floats
-    """Of the ground there over that at the take-off."""
+    """Height of the ground over that at the take-off."""
     lost_db: _Floats
-    """By the map."""
+    """Loss by the map."""
     doubtful_db: _Floats
-    """Loss that an error of 1 adds."""
+    """Additional loss for an error of 1."""
 
     @classmethod
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "Behind | None":
-        """Look from the drone to some places; None over level ground."""
+        """Losses from the drone to some places; None over level ground."""
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m
@@ -155,20 +155,20 @@ class Behind:
         )
 
     def scatter_db(self, fading_db: float) -> _Floats:
-        """Fading and what differs from pulse to pulse of the losses' error."""
+        """Fading, and the part of the losses' error that differs from pulse to pulse."""
         return np.asarray(np.hypot(fading_db, OF_EACH_PULSE * self.lost_db))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class LevelBelief:
-    """Mean and variance of the SNR that the tag has at 100 m, for each place."""
+    """Mean and variance of the tag's SNR at 100 m, for each place."""
 
     mean_db: _Floats
     variance_db2: _Floats
     known: bool = False
-    """The strength is known: nothing of it is to be learnt."""
+    """True if the strength is known and not estimated."""
     error: LossError | None = None
-    """Of the ground's losses; None over level ground."""
+    """Error of the ground's losses; None over level ground."""
 
     def expected_db(
         self,
@@ -179,7 +179,7 @@ class LevelBelief:
         pattern: AntennaPattern | None,
         behind: Behind | None = None,
     ) -> _Floats:
-        """SNR that a tag of the mean strength at each place would have here."""
+        """Expected SNR here for a tag of the mean strength at each place."""
         # As Python's floats they leave single precision as it is.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
         height: _Floats | float = float(heard.height_m)
@@ -196,7 +196,7 @@ class LevelBelief:
         return np.asarray(expected - behind.lost_db - error)
 
     def spread_db2(self, behind: Behind | None) -> _Floats:
-        """Variance of the level that is expected here, fading aside."""
+        """Variance of the expected level here, without fading."""
         error = self.error
         if error is None or behind is None:
             return self.variance_db2
@@ -215,12 +215,12 @@ class LevelBelief:
         elsewhere: float = 0.0,
         behind: Behind | None = None,
     ) -> _Floats:
-        """Take one pulse or miss in; its log-likelihood at each place.
+        """Update with one pulse or miss; returns its log-likelihood at each place.
 
         `expected_db`: from `expected_db`.
-        `fading_db`: with what else is not known of the level.
-        `missed_share`: pulses that are missed however strong they are.
-        `chance_share`: pulses that are heard by chance wherever the tag is.
+        `fading_db`: including other unknown parts of the level.
+        `missed_share`: share of pulses missed at any strength.
+        `chance_share`: share of pulses that are not the tag's.
         `elsewhere`: density [1/dB] of a pulse of this level from another source.
         `behind`: as given to `expected_db`.
         """
@@ -251,10 +251,10 @@ class LevelBelief:
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: Behind | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Learn from a level that turned out to be another than expected.
+        """Update with a level other than expected.
 
-        `moved`: how far it is off, over its variance [1/dB].
-        `shrunk`: by which its variance became less, over its square [1/dB²].
+        `moved`: its deviation over its variance [1/dB].
+        `shrunk`: reduction of the variance, over its square [1/dB²].
         """
         error, with_pulse = self.error, self.variance_db2
         if error is not None and behind is not None:

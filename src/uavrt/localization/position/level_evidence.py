@@ -1,4 +1,4 @@
-"""What the strengths found at several rotations say about a place, the tag's own unknown."""
+"""Likelihood of a place from the strengths of several rotations, the tag's own unknown."""
 
 from dataclasses import dataclass
 
@@ -12,26 +12,27 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Propagation:
-    """How strength falls with distance, as far as it is known beforehand."""
+    """Prior knowledge of the path loss."""
 
     exponent: float = 2.5
     """Mean of the path loss exponent: 2 in free space, 4 for a tag on the ground beyond the
     break point."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of what ground and plants add at a place, the same for a rotation."""
+    """Standard deviation of the effect of ground and plants at a place, the same for a
+    rotation."""
 
 
 class LevelEvidence:
     """Log-likelihood of places, given boresight levels at stations.
 
-    Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior, of each
-    receiver its own, and n a normal one. All integrate out in closed form.
+    Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior for each
+    receiver, and n a normal one. All integrate out in closed form.
 
     `east_m`, `north_m`, `height_m` (n,): stations in the local plane, and above the tag.
     `level_db`, `sigma_db` (n,): levels and the errors of their estimates.
-    `receiver` (n,): which receiver each is of: gains of several are not known from one another.
-    `over_hills`: what the ground takes from each; None is level.
+    `receiver` (n,): number of the receiver: their gains are unrelated.
+    `over_hills`: losses behind hills; None is level.
     """
 
     def __init__(

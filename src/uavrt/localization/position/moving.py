@@ -1,9 +1,8 @@
-"""The path of a moving animal, from the bearings or powers of a whole flight.
+"""Path of a moving animal, from the bearings or powers of a whole flight.
 
-A particle tracker follows it; afterwards each hypothesis that is left tells its whole past, so
-that all places are those that all of the flight speaks for. Few are left that differ in what
-they tell of long ago, so one tracker goes forwards and one backwards, and each tells of the
-half of the flight that it has just come through.
+A particle tracker follows it. Each remaining hypothesis holds its whole past, so that all
+places use all of the flight. Few of them differ in the distant past, so one tracker runs
+forwards and one backwards, and each gives the half of the flight that it processed last.
 """
 
 import math
@@ -31,18 +30,18 @@ LEAST_TIMES = 3
 _PARTICLES = 10_000
 _STEP_S = 15.0
 _MOST_POINTS = 40
-"""A place at each bearing, and between in steps of 15 s, or longer ones in a long flight."""
+"""Most points of a path: one at each bearing, and between in steps of 15 s or longer."""
 _FASTEST_M_S = 2.0
-"""An animal leaves the place that the flight as a whole tells by no more than that."""
+"""Speed at which an animal may leave the place found for the whole flight, at most."""
 _MARGIN_M = 300.0
 _END_M, _END_M_S = 120.0, 0.15
-"""What a survey leaves open of where the tag began and ended: so far, and for each second."""
+"""Uncertainty of a survey's first and last place: constant part, and part for each second."""
 _ROOM = 1.1
-"""On a pulse's fading: ten thousand hypotheses are too few for a survey's pulses to be as sharp
-as they are. Without, circles of walkers at 1 m/s held .85."""
+"""Factor on a pulse's fading: ten thousand hypotheses are too few for the sharp likelihood of a
+survey's pulses. Without it, circles of walkers at 1 m/s held .85."""
 _TURNING = 0.03
 """Change of velocity in each direction after a second: 20° at 1 m/s in two minutes. The circles
-hold 97 % of walkers that keep their way, and 93 % of those that turn by 0.05."""
+hold 97 % of straight walkers, and 93 % of those that turn by 0.05."""
 
 
 def way_by_bearings(
@@ -50,7 +49,7 @@ def way_by_bearings(
 ) -> tuple[TrackPoint, ...]:
     """Follow a tag from bearing to bearing.
 
-    `around`: where the tag was during the flight, roughly.
+    `around`: the tag's approximate place during the flight.
     `heading_sigma_deg`: error of the headings, taken as each bearing's own.
     Raises `UsageError`: times are not known, or fewer than three.
     """
@@ -77,9 +76,9 @@ def way_by_powers(
 ) -> tuple[TrackPoint, ...]:
     """Follow a tag from pulse to pulse, missed ones included.
 
-    `ends`: east and north of where the tag was at first and at last, roughly: hypotheses are
-    spread around them, for those that begin anywhere are too few for some hundred pulses.
-    `fading_db`: of the pulses; greater where neighbours fade alike and are less than two facts.
+    `ends`: approximate east and north of the tag at first and at last, around which hypotheses
+    start; there are too few to start anywhere.
+    `fading_db`: of the pulses; greater where neighbours are correlated.
     `hills`: the ground in that plane; None is level.
     Raises `UsageError`: times are not known, or fewer than three.
     """
@@ -167,13 +166,13 @@ def _both_ways(
     plane: TangentPlane,
     origin_ns: int,
 ) -> tuple[TrackPoint, ...]:
-    """Take all in, forwards and backwards; each time as all of it tells."""
-    told = _told_times(times)
-    forwards = _trail(priors[0], times, told, take)
-    backwards = _trail(priors[1], -times, [-one for one in reversed(told)], take)[::-1]
-    middle = 0.5 * (told[0] + told[-1])
+    """Track forwards and backwards; each time uses all data."""
+    points_s = _point_times(times)
+    forwards = _trail(priors[0], times, points_s, take)
+    backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)[::-1]
+    middle = 0.5 * (points_s[0] + points_s[-1])
     found = []
-    for time_s, ahead, back in zip(told, forwards, backwards, strict=True):
+    for time_s, ahead, back in zip(points_s, forwards, backwards, strict=True):
         first, second = (back, ahead) if time_s < middle else (ahead, back)
         place = first or second
         if place is None:
@@ -191,30 +190,30 @@ def _both_ways(
     return tuple(found)
 
 
-def _told_times(times: _Floats) -> list[float]:
-    """When to tell the place: at first and at last, and about each step between."""
+def _point_times(times: _Floats) -> list[float]:
+    """Times of the path's points: first and last, and about each step between."""
     ordered = np.sort(times)
     step = max(_STEP_S, float(np.ptp(times)) / _MOST_POINTS)
-    told = [float(ordered[0])]
+    points_s = [float(ordered[0])]
     for until in ordered[1:]:
-        while told[-1] + 1.5 * step < until:
-            told.append(told[-1] + step)
-        if until >= told[-1] + 0.5 * step:
-            told.append(float(until))
-    if told[-1] < ordered[-1]:
-        told.append(float(ordered[-1]))
-    return told
+        while points_s[-1] + 1.5 * step < until:
+            points_s.append(points_s[-1] + step)
+        if until >= points_s[-1] + 0.5 * step:
+            points_s.append(float(until))
+    if points_s[-1] < ordered[-1]:
+        points_s.append(float(ordered[-1]))
+    return points_s
 
 
 def _trail(
     prior: TagPrior,
     times: _Floats,
-    told: list[float],
+    points_s: list[float],
     take: Callable[[ParticleTracker, int], None],
 ) -> list[TrackEstimate | None]:
-    """Take all in, in order of time, and remember the told times."""
+    """Process all data in order of time, and remember the path's points."""
     tracker = ParticleTracker(prior, np.random.default_rng(0), particles=_PARTICLES)
-    waiting = list(told)
+    waiting = list(points_s)
     for number in np.argsort(times, kind="stable"):
         while waiting and waiting[0] < times[number]:
             _remember_at(tracker, waiting.pop(0))

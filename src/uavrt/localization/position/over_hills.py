@@ -1,4 +1,4 @@
-"""A flight's pulses over ground that is not level: what each place's hills take from them."""
+"""Losses behind hills of a flight's pulses, from each place."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,13 +13,13 @@ LOSS_ERROR = 0.25
 """Standard deviation of a loss behind hills, as a share of it: heights of 30 m squares without
 trees, and one edge in place of a hill."""
 FACTORS = ((0.65, 1.0 / 6.0), (1.0, 2.0 / 3.0), (1.35, 1.0 / 6.0))
-"""What all losses of a flight may be more or less in common, with probabilities (three nodes
-of Gauss and Hermite)."""
+"""Common factors on all losses of a flight, with probabilities (three nodes of Gauss and
+Hermite)."""
 _GRAZING_DB = 0.5
 _MAP_ERROR_DB = 2.0
-"""What some metres of error in a map's heights do to a loss that there is."""
+"""Effect of some metres of height error on a present loss."""
 ALIKE_M = 200.0
-"""Of a drone's way, over which that error is the same."""
+"""Length of the drone's path over which that error is constant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,13 +29,13 @@ class OverHills:
     hills: HillLosses
     losses: LossesFrom
     factor: float = 1.0
-    """What the ground takes, over what the losses say."""
+    """Factor on the computed losses."""
 
     @classmethod
     def of(
         cls, hills: HillLosses | None, east_m: _Floats, north_m: _Floats, up_m: _Floats
     ) -> "OverHills | None":
-        """Look from each pulse's place, its height above the ground at the take-off.
+        """Losses from each pulse's place, its height above the ground at the take-off.
 
         `hills`: in the plane of the places; None is level ground.
         `east_m`, `north_m`, `up_m`: shape (n,).
@@ -49,11 +49,11 @@ class OverHills:
         return self.losses(east_m, north_m) * np.float32(self.factor)
 
     def chosen(self, pulses: NDArray[np.bool_] | NDArray[np.intp]) -> "OverHills":
-        """Of some pulses."""
+        """Losses of some of the pulses."""
         return replace(self, losses=replace(self.losses, which=self.losses.which[pulses]))
 
 
 def along_error_db(lost_db: _Floats) -> float:
-    """Standard deviation of what losses (n,) along a way have wrong, a common error aside."""
+    """Standard deviation of the errors of losses (n,) along a path, common error excluded."""
     hidden = float(np.mean(lost_db > _GRAZING_DB))
     return float(np.hypot(LOSS_ERROR * np.std(lost_db), _MAP_ERROR_DB * hidden**0.5))

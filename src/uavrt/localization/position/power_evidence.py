@@ -1,9 +1,9 @@
-"""What powers heard along a track say about a place, with level and path loss unknown.
+"""Likelihood of a place from powers along a track, with unknown level and path loss.
 
-The model is z = P - 10 n log10(r / 100 m) + G + e, e being fading that lasts along the track
-(first-order autoregressive). For a given place it is linear in P and n, so that both, and the
-fading's size, integrate out in closed form; the correlation is summed over some values. Misses
-enter as "below the threshold".
+The model is z = P - 10 n log10(r / 100 m) + G + e, e being fading that is correlated along the
+track (first-order autoregressive). For a given place it is linear in P and n, so that both, and
+the fading's size, integrate out in closed form; the correlation is summed over some values.
+Misses enter as "below the threshold".
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,33 +31,31 @@ REFERENCE_M = 100.0
 _TYPICAL_FADING_DB = 4.0
 _DB = 10.0 / np.log(10.0)
 _TOGETHER = 30_000
-"""Numbers that are worked on at once: what the processor's cache holds."""
+"""Numbers computed at once, within the processor's cache."""
 _CORRELATIONS = (0.0, 0.3, 0.5, 0.7, 0.85, 0.93)
 
 _Floats = NDArray[np.float64]
 _Reals = NDArray[np.floating]
-"""In single precision, mostly."""
+"""Usually single precision."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerTrack:
-    """Pulses heard, or listened for in vain, along a track."""
+    """Expected pulses along a track, heard or missed."""
 
     latitude_deg: _Floats
-    """(n,) of the drone."""
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) of the drone above the tag."""
     snr_db: _Floats
     """(n,) NaN for a miss."""
     threshold_db: float = 10.0
-    """SNR that a missed pulse must have had to be heard."""
+    """SNR above which a missed pulse would have been heard."""
     antenna: AntennaPattern | None = None
     """None is an upright monopole; else `yaw_deg` must be given."""
     yaw_deg: _Floats | None = None
     """(n,) boresight, clockwise from true north."""
     time_s: _Floats | None = None
-    """(n,) from any origin, in order; None takes it that the tag rests."""
+    """(n,) from any origin, in order; None assumes that the tag rests."""
     origin_ns: int = 0
     """UTC at a `time_s` of 0; 0 where unknown."""
 
@@ -81,22 +79,21 @@ class PowerFit:
     log_likelihood: _Floats
     """(places,)."""
     level_db: _Floats
-    """(places,) SNR at 100 m."""
     exponent: _Floats
     """(places,) path loss exponent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Seen:
-    """Where places lie from pulses, whatever the height: (places, pulses)."""
+    """Geometry between places and pulses, for any height: (places, pulses)."""
 
     east_m: _Reals
     north_m: _Reals
     square_m2: _Reals
-    """Of the distance on the ground."""
+    """Squared distance on the ground."""
     log_square: _Reals
     rise_m: _Reals | None = None
-    """(places, 1) of the ground over that at the take-off; None is level."""
+    """(places, 1) height of the ground over that at the take-off; None is level."""
     lost_db: _Reals | None = None
     """(places, pulses) behind hills."""
 
@@ -104,7 +101,7 @@ class Seen:
 def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
-    """Fit evidences that differ in the height alone at once."""
+    """Fit evidences that differ only in height, at once."""
     sums: list[list[_Sums | CensoredSums]] = [[] for _ in several]
     for part in several[0].parts(east_m, north_m):
         seen = several[0].seen_from(*part, several[0].used)
@@ -120,7 +117,7 @@ class PowerEvidence:
     `track`: heights, powers, antenna.
     `correlation`: of neighbouring pulses' fading, where pulses were missed; see
     `correlation_at_best`. Without misses it is integrated out.
-    `over_hills`: what the ground takes from the pulses; None is level.
+    `over_hills`: losses behind hills; None is level.
     """
 
     def __init__(
@@ -144,7 +141,7 @@ class PowerEvidence:
         self._used = np.concatenate([np.flatnonzero(self._heard), missed])
 
     def losing(self, factor: float) -> "PowerEvidence":
-        """Get the same were all losses behind hills so many times as great."""
+        """The same with all losses behind hills multiplied by a factor."""
         other = copy(self)
         if self.over_hills is not None:
             other.over_hills = replace(self.over_hills, factor=factor)
@@ -172,7 +169,7 @@ class PowerEvidence:
         )
 
     def summed(self, seen: "Seen") -> "_Sums | CensoredSums":
-        """Sum what level and exponent are fitted to, over the pulses that are used."""
+        """Sums over the used pulses, for the fit of level and exponent."""
         count = int(self._heard.sum())
         loss, gain = self._propagated(seen, self._used)
         heard = self._over_mean(self._used[:count], loss[:, :count], gain[:, :count])
@@ -187,14 +184,14 @@ class PowerEvidence:
 
     @property
     def used(self) -> NDArray[np.intp]:
-        """Pulses that are used: those heard, then misses, of many of these some."""
+        """Used pulses: those heard, then misses, thinned out if many."""
         return self._used
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
-        """How long fading lasts, as the most likely of some places (places,) tells.
+        """Correlation length of fading, by the most likely of some places (places,).
 
-        One figure for all places: with one for each, or for each call, those of the same
-        likelihood would count differently.
+        One figure for all places: separate ones would weigh places of equal likelihood
+        differently.
         """
         fit = self.fit(east_m, north_m)
         top = int(np.argmax(fit.log_likelihood))
@@ -220,7 +217,7 @@ class PowerEvidence:
             yield east_m[first : first + size], north_m[first : first + size]
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
-        """(places, heard): loss, and level over their mean without the antenna's gain."""
+        """(places, heard): loss, and level over their mean, less the antenna's gain."""
         heard = np.flatnonzero(self._heard)
         return self._over_mean(heard, *self.propagation(east_m, north_m, heard))
 
@@ -234,12 +231,12 @@ class PowerEvidence:
     ) -> tuple[_Reals, _Reals]:
         """(places, pulses): -10 log10(r / 100 m), and the antenna's gain [dB].
 
-        In single precision, which is several times as fast and errs by a millionth of a dB.
+        Single precision is several times as fast and errs by a millionth of a dB.
         """
         return self._propagated(self.seen_from(east_m, north_m, pulses), pulses)
 
     def seen_from(self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]) -> "Seen":
-        """Get where places lie from each of some pulses on the ground."""
+        """Geometry from each of some pulses to places on the ground."""
         single = np.float32
         dx = east_m.astype(single)[:, None] - self._east_m[pulses].astype(single)[None, :]
         dy = north_m.astype(single)[:, None] - self._north_m[pulses].astype(single)[None, :]
@@ -332,7 +329,6 @@ class _Sums:
 
     @classmethod
     def joined(cls, parts: Sequence["_Sums"]) -> "_Sums":
-        """Those of several places' parts as one."""
         return replace(
             parts[0],
             whole=np.concatenate([one.whole for one in parts], axis=1),
@@ -360,9 +356,9 @@ class _Sums:
     def log_marginal(self, rho: float) -> _Floats:
         """(places,) log-likelihood with level, exponent and fading's size integrated out.
 
-        The size has a prior as if one pulse with the typical fading had been seen, which
-        matters when there are but two or three. With its constant, so that likelihoods of
-        different numbers of pulses compare.
+        The size has a prior of one pulse with the typical fading, which matters for two or
+        three pulses. The constant is included, so that likelihoods of different numbers of
+        pulses compare.
         """
         _, _, residual, determinant = self._regressed(rho)
         size = residual + _TYPICAL_FADING_DB**2

@@ -63,7 +63,7 @@ def refined(
 
 
 def _cubic(values: _Floats, times: int) -> _Floats:
-    """Catmull-Rom interpolation along the last axis; the ends are carried on straight."""
+    """Catmull-Rom interpolation along the last axis; the ends are continued linearly."""
     first = 2.0 * values[:, :1] - values[:, 1:2]
     last = 2.0 * values[:, -1:] - values[:, -2:-1]
     p = np.concatenate([first, values, last], axis=1)
@@ -86,8 +86,8 @@ def _along(axis_m: _Floats, place: _Floats) -> _Floats:
 def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
     """Closed contours of an array with a margin below the level: rows and columns of each.
 
-    Marching squares. Around each cell, counter-clockwise, the edge over which one leaves the
-    region leads back to the one over which one came; so rings have the region on their left.
+    Marching squares. Around each cell, counter-clockwise, the edge where one leaves the region
+    leads back to the one where one entered; so rings have the region on their left.
     """
     after: dict[_Edge, _Edge] = {}
     inside = values >= level

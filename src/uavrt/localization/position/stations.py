@@ -1,4 +1,4 @@
-"""Bearings of one tag and where they were taken: what positions are estimated from."""
+"""Bearings of one tag and their places: the input of position estimates."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,16 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stations:
-    """Bearings of one tag and where they were taken."""
+    """Bearings of one tag and their places."""
 
     latitude_deg: _Floats
-    """(n,)."""
     longitude_deg: _Floats
     bearing_deg: _Floats
     """(n,) clockwise from true north."""
     sigma_deg: _Floats | None = None
     """(n,) standard deviations; None lets them be learnt, one for all."""
     posterior: _Floats | None = None
-    """(n, 360) probability of whole degrees; goes before `sigma_deg`."""
+    """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
     level_db: _Floats | None = None
     """(n,) SNR on boresight, NaN where unknown, as for a bearing noted by hand: its differences
     show the distance, to the method ``bayes``."""
@@ -33,17 +32,17 @@ class Stations:
     height_m: _Floats | None = None
     """(n,) above the tag; 0 when None."""
     receiver: NDArray[np.int64] | None = None
-    """(n,) which receiver each is of; None: all are of one."""
+    """(n,) number of each one's receiver; None: all are of one."""
     time_s: _Floats | None = None
-    """(n,) when each was taken, from any origin; None takes it that the tag rests."""
+    """(n,) time of each, from any origin; None assumes that the tag rests."""
     origin_ns: int = 0
     """UTC at a `time_s` of 0; 0 where unknown."""
     listeners: tuple[Strengths, ...] = ()
-    """What receivers that never turned heard of the tag, to the method ``bayes``."""
+    """Strengths of receivers that never turned, for the method ``bayes``."""
 
     @property
     def receivers(self) -> NDArray[np.int64]:
-        """(n,) which receiver each is of."""
+        """(n,) number of each one's receiver."""
         if self.receiver is None:
             return np.zeros(len(self.bearing_deg), np.int64)
         return self.receiver
@@ -57,7 +56,7 @@ class Stations:
         time_s: ArrayLike | None = None,
         origin_ns: int = 0,
     ) -> "Stations":
-        """Make stations of estimated bearings, with all that these know."""
+        """Make stations from estimated bearings."""
         densities = None
         if any(one.posterior is not None for one in bearings):
             densities = np.array(
@@ -84,7 +83,7 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Bearings with a level, and what levels need of them; None where there is none."""
+        """Bearings with a level, and the other inputs for levels; None where there is none."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)

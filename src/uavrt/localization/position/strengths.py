@@ -1,8 +1,8 @@
-"""What receivers that never turned say about a place: one level for each place and heading.
+"""Likelihood of a place from receivers that never turned: one level for each place and heading.
 
-A mast, a person, or a drone that passes gives no bearing. Its pulses still have the antenna's
-gain towards the tag in them, and the tag's level, which all receivers share. What a receiver's
-own gain, cable, noise and height over the ground add is not known, and is one error of all its
+A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
+gain towards the tag, and the tag's level, which all receivers share. The effect of a receiver's
+own gain, cable, noise and height over the ground is unknown, and is one error of all its
 levels.
 """
 
@@ -18,43 +18,43 @@ from uavrt.localization.position.level_evidence import Propagation
 _Floats = NDArray[np.float64]
 
 OWN_GAINS_DB = ((0.7, 6.0), (0.3, 20.0))
-"""What a receiver's levels err by together: chance and standard deviation. Another radio or
+"""Common error of a receiver's levels: probability and standard deviation. Another radio or
 cable makes some decibels. An antenna 6 m over the ground hears a far tag 20 dB weaker than one
 at 60 m (two rays: 20 log of the heights' ratio), and one behind a hut weaker still."""
 
 UNKNOWN_GAIN_DB = 100.0
-"""Standard deviation of what the gain of one of several receivers that turn adds: not known."""
+"""Standard deviation of the unknown gain of each of several receivers that turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Strengths:
-    """What one receiver heard of a tag without turning."""
+    """One receiver's levels of a tag, received without turning."""
 
     listener: str
-    """Whose they are, for the operator: ``vehicle 7`` or a flight's name."""
+    """Name of the receiver, for the operator: ``vehicle 7`` or a flight's name."""
     pulses: int
-    """That went into the levels, or would have."""
+    """Number of pulses in the levels, used or not."""
     latitude_deg: _Floats
-    """(n,) places where it stood, or passed."""
+    """(n,) places of the receiver."""
     longitude_deg: _Floats
     height_m: _Floats
     yaw_deg: _Floats
     """(n,) headings of the boresight."""
     level_db: _Floats
-    """(n,) SNR as it was heard: the antenna's gain towards the tag is in it."""
+    """(n,) received SNR, including the antenna's gain towards the tag."""
     sigma_db: _Floats
     antenna: AntennaPattern | None
     """None is an upright monopole."""
     unused: str | None = None
-    """Why nothing of it can be used."""
+    """Why none of it can be used."""
 
     def because(self, reason: str) -> str:
-        """State that it is not used, and why."""
+        """Sentence that it is not used, and why."""
         return f"{self.listener}: its strengths ({self.pulses} pulses) are not used: {reason}"
 
     @property
     def outcome(self) -> str:
-        """What became of it, for the operator."""
+        """Sentence for the operator on its use."""
         if self.unused is not None:
             return self.because(self.unused)
         stood = "one place" if len(self.level_db) == 1 else f"{len(self.level_db)} places"
@@ -78,10 +78,10 @@ class Levels:
 class JoinedLevels:
     """Log-likelihood of places, given levels of bearings and of receivers that never turned.
 
-    Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + what its receiver adds
-    + a normal error. P has a flat prior and n a normal one, as in `LevelEvidence`. What a
-    listener adds is normal, of one of two widths; what each of several receivers that turn adds
-    is unknown. All integrate out in closed form.
+    Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
+    normal error. P has a flat prior and n a normal one, as in `LevelEvidence`. A listener's
+    error is normal, of one of two widths; that of each of several receivers that turn is
+    unknown. All integrate out in closed form.
 
     `levels`: two or more.
     `listeners`: the receivers, as their groups number them.
@@ -118,7 +118,7 @@ class JoinedLevels:
         )
 
     def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
-        """(places, n) gains towards the places; 0 of bearings: their levels are boresight's."""
+        """(places, n) gains towards the places; 0 for bearings, with levels at boresight."""
         gain = np.zeros(dx.shape)
         for number, one in enumerate(self._listeners):
             rows = np.flatnonzero(self._levels.group == number)

@@ -1,9 +1,8 @@
-"""The strongest signal of a survey, which is not where the tag is.
+"""The strongest signal of a survey, which is not the tag's place.
 
-A monopole hears nothing straight below it, so that a tag is loudest on a ring around it: the
+A monopole receives nothing straight below it, so a tag is strongest on a ring around it: the
 largest ρ² / (ρ² + h²)^((n + 2) / 2) is at ρ = h √(2 / n), 36 m for 40 m above the tag and an
-exponent of 2.5. People fly surveys and walk to the
-peak; this names it for what it is.
+exponent of 2.5. Users of surveys walk to the peak, so it is labelled.
 """
 
 from dataclasses import dataclass
@@ -18,21 +17,21 @@ from uavrt.tangent_plane import TangentPlane, plane_around
 
 _IN_A_ROW = 6
 BAND_M = 10.0
-"""Height of a layer of air: finer, too few pulses are left for a map of each."""
+"""Height of a layer; thinner ones have too few pulses for a map."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StrongestSignal:
-    """Where a track was loudest. The tag is some way off."""
+    """Place of a track's strongest signal, some distance from the tag."""
 
     latitude_deg: float
     longitude_deg: float
     snr_db: float
     """Mean of the pulses there."""
     ring_radius_m: float
-    """How far a tag is from there, for a monopole and a path loss exponent of 2.5."""
+    """Distance of the tag from there, for a monopole and a path loss exponent of 2.5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,12 +50,9 @@ class SignalSurface:
 
 
 def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
-    """Find the loudest place of a track, six pulses in a row averaged.
+    """Find the strongest place of a track, six pulses in a row averaged.
 
-    Raises
-    ------
-    UsageError
-        Nothing was heard.
+    Raises `UsageError`: nothing was heard.
     """
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
@@ -85,13 +81,13 @@ class SignalSection:
 
 
 def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
-    """Part heights into the layers in which a survey was flown, lowest first.
+    """Divide heights into the layers in which a survey was flown, lowest first.
 
-    A drone holds its height to a few metres: fixed layers of 10 m would part one level flight
-    at 40 m in two. So heights are parted where 5 m are empty, and what is still higher than
-    15 m, as a climb, into equal layers of 10 m at most.
+    A drone holds its height to a few metres: fixed layers of 10 m would split one level flight
+    at 40 m in two. So heights are divided where 5 m are empty, and ranges above 15 m, such as a
+    climb, into equal layers of 10 m at most.
 
-    `height_m` (n,): where pulses were heard, n ≥ 1.
+    `height_m` (n,): heights of the pulses, n ≥ 1.
     Returns: each (low, high). Each height lies in exactly one: low ≤ height < high, of the last
     one ≤ high.
     """
@@ -108,7 +104,7 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
 
 
 def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
-    """Take the part of a track that was flown within some heights."""
+    """Part of a track within a range of heights."""
     low, high = band
     inside = (track.height_m >= low) & (track.height_m < high)
     return track.chosen(inside)
@@ -117,13 +113,12 @@ def in_band(track: PowerTrack, band: tuple[float, float]) -> PowerTrack:
 def signal_section(
     track: PowerTrack, latitude_deg: float, longitude_deg: float
 ) -> SignalSection:
-    """Look at a survey from the side: SNR over height and over the distance from a place.
+    """Side view of a survey: SNR over height and over the distance from a place.
 
-    Around the tag a monopole's field is the same in all directions; from the side one sees the
-    silence above the tag, and what a greater height gains or loses.
+    Around the tag a monopole's field is the same in all directions. The side view shows the
+    null above the tag, and the effect of height.
 
-    `latitude_deg`, `longitude_deg`: where distances begin: the tag's position, as far as it is
-    known.
+    `latitude_deg`, `longitude_deg`: origin of distances: the tag's estimated position.
     Raises `UsageError`: it was flown at one height.
     """
     heard = ~np.isnan(track.snr_db)
@@ -143,7 +138,7 @@ def signal_section(
 
 
 def _edges(low: float, high: float, cells: int, least: float) -> _Floats:
-    """Edges of equal cells, so many at most and so wide at least."""
+    """Edges of equal cells, limited in number and least width."""
     count = max(1, min(cells, int((high - low) / least)))
     return np.linspace(low, max(high, low + least), count + 1)
 
@@ -161,10 +156,7 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
     The grid's spacing is half of that of the pulses, between a 300th and a 60th of the track's
     extent, a metre at least.
 
-    Raises
-    ------
-    UsageError
-        The places do not span an area.
+    Raises `UsageError`: the places do not span an area.
     """
     # The interpolator takes long to import, and only maps want it.
     from scipy.interpolate import LinearNDInterpolator

@@ -1,10 +1,10 @@
 """Errors common to all powers of a survey: a wrong height, pulses of other senders.
 
-A wrong height (terrain, a tag on a tree, a take-off on a hill) changes where the strength has
-its hollow and how steeply it falls; several heights are weighed against each other, with the
-place. Pulses of someone else have any strength: a robust fit (Student's law, iteratively
-reweighted) finds the place roughly, and what lies far outside the others' scatter there is left
-out, and counted.
+A wrong height (terrain, a tag on a tree, a take-off on a hill) changes the place of the minimum
+and the slope of the strength; several heights are weighed against each other, with the place.
+Pulses of other senders have any strength: a robust fit (Student's law, iteratively reweighted)
+finds the approximate place, and pulses far outside the others' scatter there are left out, and
+counted.
 """
 
 from collections.abc import Sequence
@@ -24,52 +24,52 @@ from uavrt.localization.position.power_evidence import (
 from uavrt.localization.results import Caution
 
 HEIGHT_SIGMA_M = 7.0
-"""Error of the told height over the tag, were nothing said of it: standard deviation."""
+"""Standard deviation of a given height over the tag, unless specified."""
 _FAR_WRONG_SHARE = 0.1
 _FAR_WRONG_SIGMAS = 4.0
-"""Some heights are wrong by far more than is usual."""
+"""Standard deviations of rare height errors far beyond the usual."""
 _SHIFTS_M = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
 _LEAST_HEIGHT_M = 3.0
 _CLOSER_M = np.linspace(-9.0, 9.0, 7)
-"""About the mean of those, when they tell it to …"""
-_TOLD_M = 6.0
-"""… less than that."""
+"""Heights about the mean of those, if it is known to less than `_KNOWN_M`."""
+_KNOWN_M = 6.0
+"""Standard deviation of the height below which it counts as known."""
 _NODES = np.array([-1.5, 0.0, 1.5])
-"""Standard deviations about the mean at which a height is weighed with each place …"""
+"""Heights weighed with each place, in standard deviations about the mean."""
 _LEAST_SIGMA_M = 1.5
 _LEAST_BEND = 0.05
-"""… by the parabola through them, no flatter, and its peak between them: farther out it
-promises more than any height gives, at places where the lowest fits best."""
+"""Least curvature of the parabola through them; its peak must lie between them. Farther out it
+exceeds the true value at places where the lowest fits best."""
 FOREIGN_SHARE = 0.02
-"""Of the pulses, beforehand; each as probable at any strength within 60 dB."""
+"""Prior share of foreign pulses, each equally probable at any strength within 60 dB."""
 _ANY_DB = 60.0
 _LOG_FOREIGN = float(np.log(FOREIGN_SHARE / _ANY_DB))
 _LOG_OWN = float(np.log(1.0 - FOREIGN_SHARE))
 _MOST_READINGS = 4
-"""Choices of foreign pulses that are weighed against each other …"""
+"""Most choices of foreign pulses that are weighed against each other."""
 _NO_MATTER_NATS = 6.0
-"""… none of them so much less probable than the best."""
+"""Largest log-probability below the best of a choice that is kept."""
 _ALIKE = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of its neighbours' fading that a pulse may have."""
+"""Possible shares of its neighbours' fading in a pulse's own."""
 _MOST_FOREIGN = 0.25
-"""Where more do not fit, the model does not, and nothing is left out."""
+"""Largest share of outliers; with more, the model is wrong, and nothing is left out."""
 _LEAST_PULSES = 20
-"""Fewer pulses tell nothing of heights and of others."""
+"""Least number of pulses that determines heights and outliers."""
 _HEARD_SHARE = 0.95
-"""Heights are weighed where fewer pulses than the rest were missed."""
+"""Least share of heard pulses for which heights are weighed."""
 _COARSE, _FINE = 14, 9
 _ROUGH_PLACES, _ROUGH_FINE, _ROUGH_PULSES = 2, 7, 400
 """Cells, not neighbours, of a grid twice as fine that are refined, with some of the pulses. A
-peak may be narrower than a cell, and the likeliest cell that of a mirror image."""
+peak may be narrower than a cell, and the most likely cell that of a mirror image."""
 _MARGIN_M = 60.0
-_RIVALS_REACH, _RIVALS_CELLS = 1.75, 15
-"""How far around the rough place the tag may be, in its grid's steps: a mirror image is at most
-a line's spacing away. And cells of the side of that."""
-_RIVALS_NATS = 20.0
-"""What such a place may be less likely by, with each pulse a fact of its own: some 4 where
-fading lasts."""
+_MIRROR_REACH, _MIRROR_CELLS = 1.75, 15
+"""Search range for mirror images around the approximate place, in its grid's steps (at most a
+line's spacing), and cells along a side of it."""
+_MIRROR_NATS = 20.0
+"""Largest log-likelihood below the best of such a place with independent pulses: some 4 where
+fading is correlated."""
 _LEAST_DB = 0.05
-"""Powers are not read more finely; those that are all equal leave no residual."""
+"""Resolution of powers; with smaller differences there is no residual."""
 _FREEDOM = 3.0
 _ROUNDS = 4
 _CHUNK = 400
@@ -82,7 +82,7 @@ class SurveyEvidence:
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights as reported, powers, antenna.
-    `over_hills`: what the ground takes from the pulses; None is level.
+    `over_hills`: losses behind hills; None is level.
     """
 
     def __init__(
@@ -98,11 +98,11 @@ class SurveyEvidence:
         self._east_m, self._north_m, self._track = east_m, north_m, track
         self._propagation, self._height_sigma_m = propagation, height_sigma_m
         self.kept = np.ones(len(track.snr_db), bool)
-        """(n,) what is not left out as someone else's."""
+        """(n,) pulses that are not attributed to other senders."""
         self.height_shift_m = 0.0
         """Mean over the weighed heights."""
-        self.height_told_probability = 1.0
-        """That the height is wrong by less than 10 m."""
+        self.height_right_probability = 1.0
+        """Probability that the height is wrong by less than 10 m."""
         self._correlation = 0.0
         heard = ~np.isnan(track.snr_db)
         if over_hills is not None or not np.all(heard):
@@ -125,11 +125,11 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """Evidences of the heights for each choice of what is left out, and its prior."""
+        """Evidences of the heights for each choice of used pulses, and its prior."""
 
     @property
     def foreign(self) -> int:
-        """Pulses that are left out as someone else's."""
+        """Number of pulses attributed to other senders."""
         return int(np.sum(~self.kept))
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
@@ -194,14 +194,14 @@ class SurveyEvidence:
         return east, north
 
     def _shifts(self) -> tuple[float, ...]:
-        """Heights to weigh, none of them under the ground."""
+        """Heights to weigh, all above the ground."""
         if self._height_sigma_m <= 0.0:
             return (0.0,)
         lowest = float(np.median(self._track.height_m)) - _LEAST_HEIGHT_M
         return tuple(one for one in _SHIFTS_M if one > -lowest)
 
     def _roughly(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Place, how far around it the tag may be, and height shift of the best robust fit."""
+        """Place, its search radius, and height shift of the best robust fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
         some[pulses[:: -(-len(pulses) // _ROUGH_PULSES)]] = True
@@ -260,30 +260,30 @@ class SurveyEvidence:
         step_m: float,
         shift_m: float,
     ) -> list[NDArray[np.bool_]]:
-        """Choices of what is kept (n,), the most probable first.
+        """Choices of used pulses (n,), the most probable first.
 
-        Left out are pulses that are rather someone else's than so far from the others. Which
-        those are depends on the place: right beneath the drone a monopole hears nothing, and a
-        weak pulse of someone else's looks as if the tag were there. So places around the rough
-        one, and those beneath weak pulses, each tell what is odd there. Where pulses were
-        missed, or over hills, likelihoods of different pulses do not compare: then only what
-        is odd at all of those places is left out.
+        Pulses are left out if another sender is more probable than their deviation. That
+        depends on the place: right beneath the drone a monopole receives nothing, and a weak
+        foreign pulse looks like a tag there. So outliers are determined for places around the
+        approximate one, and beneath weak pulses. Where pulses were missed, or over hills,
+        likelihoods of different pulses do not compare; then only outliers at all of those
+        places are left out.
         """
-        off = np.linspace(-_RIVALS_REACH * step_m, _RIVALS_REACH * step_m, _RIVALS_CELLS)
+        off = np.linspace(-_MIRROR_REACH * step_m, _MIRROR_REACH * step_m, _MIRROR_CELLS)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
         near = np.hypot(self._east_m - place[0], self._north_m - place[1])
-        beneath = heard & (near <= _RIVALS_REACH * step_m)
+        beneath = heard & (near <= _MIRROR_REACH * step_m)
         east = np.concatenate([east, self._east_m[beneath]])
         north = np.concatenate([north, self._north_m[beneath]])
         residual, _, score = self._robust(east, north, heard, shift_m)
-        residual = residual[score > score.max() - _RIVALS_NATS]
+        residual = residual[score > score.max() - _MIRROR_NATS]
         innovation, sigma = _unlike_neighbours(residual)
         own = np.exp(-0.5 * (innovation / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
         odd = (1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB
         found: list[NDArray[np.bool_]] = []
         if self._over_hills is None and np.all(heard):
             mixed = np.log((1.0 - FOREIGN_SHARE) * own + FOREIGN_SHARE / _ANY_DB).sum(axis=1)
-            near_best = np.flatnonzero(mixed > mixed.max() - _RIVALS_NATS)
+            near_best = np.flatnonzero(mixed > mixed.max() - _MIRROR_NATS)
             for number in near_best[np.argsort(-mixed[near_best], kind="stable")]:
                 if not any(np.array_equal(odd[number], one) for one in found):
                     found.append(odd[number])
@@ -298,7 +298,7 @@ class SurveyEvidence:
                 kept[np.flatnonzero(heard)[one]] = False
                 readings.append(kept)
         if len(readings) > 1:
-            near_best = score > score.max() - _RIVALS_NATS
+            near_best = score > score.max() - _MIRROR_NATS
             weighed = [
                 np.logaddexp.reduce(
                     self._evidence(shift_m, kept)
@@ -314,15 +314,15 @@ class SurveyEvidence:
         return readings or [np.ones(len(heard), bool)]
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
-        """Find how the height may be wrong, and three heights that stand for that."""
+        """Distribution of the height error, and three heights that represent it."""
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
         mean = float(weight @ shifts)
         variance = float(weight @ (shifts - mean) ** 2)
         self.height_shift_m = mean
-        self.height_told_probability = float(weight[np.abs(shifts) < 10.0].sum())
+        self.height_right_probability = float(weight[np.abs(shifts) < 10.0].sum())
         lowest = _LEAST_HEIGHT_M - float(np.median(self._track.height_m))
-        if variance < _TOLD_M**2:
+        if variance < _KNOWN_M**2:
             shifts = mean + _CLOSER_M
             shifts = shifts[shifts > lowest]
             weight = self._weights(shifts, place, step_m)
@@ -351,9 +351,9 @@ class SurveyEvidence:
 
 
 def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
-    """What the operator must know of a survey's powers."""
+    """Cautions on a survey's powers."""
     found = []
-    if evidence.height_told_probability < 0.1:
+    if evidence.height_right_probability < 0.1:
         text = (
             f"signal strengths fit a height {abs(evidence.height_shift_m):.0f} m "
             f"{'greater' if evidence.height_shift_m > 0.0 else 'less'} than reported: "
@@ -370,15 +370,15 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Of a choice of pulses (n,) that are kept, the others being anyone's of any strength."""
+    """Log-prior of a choice of used pulses (n,); the others are of any strength."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """How far pulses are from what their neighbours say, (places, n), and how far usually.
+    """Deviation of pulses from their neighbours' estimate, (places, n), and its usual size.
 
-    Fading that lasts makes neighbours alike: beside them a pulse is odd that would be usual
-    anywhere else. Medians, which one odd neighbour does not move, tell how alike they are.
+    Correlated fading makes neighbours similar, so a pulse may be an outlier among them that is
+    usual elsewhere. The similarity is measured by medians, which one outlier does not move.
     """
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
@@ -394,7 +394,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over choices of what is left out; level and exponent of the best."""
+    """Sum the likelihood over choices of used pulses; level and exponent of the best."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
@@ -409,8 +409,7 @@ def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
 def _over_heights(score: _Floats) -> _Floats:
     """(places,) logarithm of the integral over three heights (3, places), one step apart.
 
-    For each place the score's parabola: a height that is known well at a place, and another one
-    at the next, is not lost between the three.
+    The score's parabola for each place also finds heights between the three.
     """
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), _LEAST_BEND)

@@ -1,9 +1,9 @@
-"""Did the tag of a power survey walk? A tag that rests, against one of constant velocity.
+"""Compare a resting tag with one of constant velocity for a power survey.
 
-A tag that moves past a drone is, in its strength, the drone that moves past a tag: the same
-likelihood serves, with each place of the drone moved back by what the tag has walked. The
-evidence of both is summed over a grid of places and velocities, first a coarse one with some of
-the pulses, and again, finer, where that one speaks for walking.
+A tag moving past a drone is equivalent to the drone moving past a tag: the same likelihood
+applies, with each place of the drone shifted back by the tag's movement. The evidence of both
+is summed over a grid of places and velocities: a coarse one with some of the pulses, and a
+finer one if the first favours walking.
 """
 
 from dataclasses import dataclass, replace
@@ -23,30 +23,31 @@ _Floats = NDArray[np.float64]
 _LEAST_SPAN_S = 60.0
 _LEAST_PULSES = 20
 _ROUGH_PULSES = 60
-"""So many of a survey's pulses are enough for a first look."""
+"""Number of a survey's pulses for the coarse comparison."""
 _ROUGH_CELLS = 12
 _SPEEDS_M_S = (0.4, 0.9)
 _DIRECTIONS = 8
 _GATE_NATS = 2.0
-"""What the first look must speak for walking, so that a second one is taken."""
+"""Evidence for walking in the coarse comparison that starts the fine one."""
 _FINE_CELLS, _FINE_VELOCITIES = 9, 5
 _ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurveyWalk:
-    """A tag that walked, as the powers of a survey tell."""
+    """A walking tag, as estimated from the powers of a survey."""
 
     probability: float
     velocity_m_s: tuple[float, float]
     """East and north."""
     place: tuple[float, float]
-    """In the middle of the flight."""
+    """Place in the middle of the flight."""
     fading_db: float
-    """Greater where neighbours fade alike, so that each pulse counts as the fact that it is."""
+    """Fading, increased where neighbours are correlated, so that each pulse counts as
+    independent."""
 
     def at(self, since_s: float) -> tuple[float, float]:
-        """East and north so long after the middle of the flight."""
+        """East and north at a time after the middle of the flight."""
         return (
             self.place[0] + self.velocity_m_s[0] * since_s,
             self.place[1] + self.velocity_m_s[1] * since_s,
@@ -54,7 +55,7 @@ class SurveyWalk:
 
     @property
     def caution(self) -> Caution:
-        """What the operator must know."""
+        """Caution for the operator."""
         speed = float(np.hypot(*self.velocity_m_s))
         towards = float(wrap_degrees_360(np.degrees(np.arctan2(*self.velocity_m_s))))
         return Caution(
@@ -66,7 +67,7 @@ class SurveyWalk:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Moved:
-    """A survey's heard pulses, from where a tag that walks sees them."""
+    """A survey's heard pulses relative to a walking tag."""
 
     east_m: _Floats
     north_m: _Floats
@@ -98,7 +99,7 @@ class _Moved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Peak:
-    """The best of a grid, and the grid's evidence."""
+    """Best point of a grid, and the grid's evidence."""
 
     score: float
     velocity: tuple[float, float]
@@ -113,11 +114,11 @@ def survey_walk(
     around: Area,
     propagation: Propagation,
 ) -> SurveyWalk | None:
-    """Weigh a tag that walked against one that rested.
+    """Compare a walking tag with a resting one.
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `powers`: with times; foreign pulses left out.
-    Returns: None for a flight that is too short, or that shows no walk at a first look.
+    Returns: None for a flight that is too short, or without signs of walking.
     """
     if powers.time_s is None:
         return None
@@ -159,7 +160,7 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
 
 
 def _closed_in(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
-    """The evidence around a peak, its grid as narrow as the peak is."""
+    """Evidence around a peak, on a grid as narrow as the peak."""
     for _ in range(_ROUNDS):
         half = (0.5 * _FINE_CELLS - 0.5) * step_m / 2.0
         around = Area(
@@ -185,7 +186,7 @@ def _best(
     cells: int,
     step_m_s: float = 0.0,
 ) -> _Peak:
-    """The best of places and velocities; the prior of the velocity is in its score."""
+    """Best place and velocity; the velocity's prior is in its score."""
     east = np.linspace(around.west_m, around.east_m, cells)
     north = np.linspace(around.south_m, around.north_m, cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
@@ -208,7 +209,7 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Scatter of the powers about the fit, as if it were new with each pulse."""
+    """Scatter of the powers about the fit, as for independent pulses."""
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

@@ -1,8 +1,8 @@
-"""Where a tag is, kept up to date while flying, by particles.
+"""Particle tracker of a tag's place during the flight.
 
-Bearings and single pulses go in, and misses as evidence of where the tag is not, which is worth
-half the flight time. One tracker for each tag; tags differ in frequency, so that pulses need no
-association.
+Inputs are bearings and single pulses, and misses as evidence of where the tag is not, which
+saves half the flight time. There is one tracker for each tag; tags differ in frequency, so
+pulses need no association.
 """
 
 from collections.abc import Callable
@@ -37,9 +37,9 @@ Of ways east and north from the drone to the tag, and the drone's height above i
 
 _SETTLED_M = 0.02
 _STRAYS = 2.0
-"""Standard deviations of its walk that an animal leaves its area by."""
+"""Distance by which an animal leaves its area, in standard deviations of its walk."""
 _UNHEARD_NATS, _CALMS_NATS = 0.7, 0.1
-"""What a pulse that should have been heard wonders at the most, and what time takes from it."""
+"""Largest effect of one unexplained pulse on the loss of track, and its decay with time."""
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
@@ -53,47 +53,47 @@ class TrackEstimate:
     """Circle around the point that holds the tag with 50 %."""
     radius95_m: float
     level_db: float
-    """SNR that it would have at 100 m."""
+    """SNR at 100 m."""
     east_m_s: float = 0.0
-    """How fast it goes; 0 in the mean of all hypotheses when it rests."""
+    """Velocity; 0 in the mean of all hypotheses when it rests."""
     north_m_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPrior:
-    """What is believed before the flight."""
+    """Prior knowledge before the flight."""
 
     area: Area
-    """The tag is somewhere in it."""
+    """Area that contains the tag."""
     level_db: float = 45.0
     """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km, n = 2.5."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
-    """How the strength wanders, after a second: the animal turns, plants between change."""
+    """Random walk of the strength after a second: the animal turns, plants intervene."""
     fading_db: float = 4.0
     pattern: AntennaPattern | None = None
     """None is an upright monopole."""
     walking_m_per_root_s: float = 1.0
-    """A browsing animal's random walk in each direction, after a second."""
+    """Random walk of a browsing animal in each direction, after a second."""
     travelling_m_s: float = 1.0
-    """Usual speed of an animal that goes somewhere; 0: it never does."""
+    """Usual speed of a travelling animal; 0: it never travels."""
     turning_m_s_per_root_s: float = 0.08
     """Change of a traveller's velocity in each direction, after a second: 5° at 1 m/s."""
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
     """Shares of the time that such an animal rests, browses, travels."""
     exponent: float = 2.5
-    """Of the path loss."""
+    """Path loss exponent."""
     exponent_sigma: float = 0.5
-    """0: it is known, as is the strength with a `level_sigma_db` of 0."""
+    """0: the exponent is known, as is the strength with a `level_sigma_db` of 0."""
     missed_share: float = BY_CHANCE
-    """Pulses that are missed however strong they are."""
+    """Share of pulses missed at any strength."""
     chance_share: float = BY_CHANCE
-    """Pulses heard at any strength that are not the tag's: false alarms, interferers."""
+    """Share of pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
     """Level over plain spreading, where more is known of the ground."""
     hills: HillLosses | None = None
-    """The ground in the tracker's plane; None is level. Heights of the drone then count from
-    tags at the take-off."""
+    """Ground in the tracker's plane; None is level. Heights of the drone then count from the
+    take-off's tags."""
 
 
 def _estimate(
@@ -122,7 +122,7 @@ def _estimate(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypotheses:
-    """Where a tag may be and how strong it is: equally probable ones, drawn from a tracker."""
+    """Places and strengths of a tag: equally probable hypotheses, drawn from a tracker."""
 
     east_m: _Singles
     north_m: _Singles
@@ -131,7 +131,7 @@ class Hypotheses:
     level_variance_db2: _Singles
     exponent: _Singles
     loss_error: _Singles
-    """What a map of the ground has wrong; see `LossError`."""
+    """Error of the ground model; see `LossError`."""
     east_m_s: _Singles
     north_m_s: _Singles
     wandering_m_per_root_s: _Singles
@@ -140,19 +140,20 @@ class Hypotheses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """What a tracker expected of a pulse, before it took it in."""
+    """A tracker's expectation of a pulse, before the update."""
 
     level_db: float
     """Mean over all hypotheses."""
     variance_db2: float
-    """Of the level, fading included."""
+    """Variance of the level, fading included."""
     log_probability: float
-    """Of what came then, the tag being there: a density per decibel for a pulse."""
+    """Log-probability of the received pulse or miss if the tag is there: a density per decibel
+    for a pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """First two moments of where a tag is; quick to make."""
+    """First two moments of a tag's place; cheap to compute."""
 
     east_m: float
     north_m: float
@@ -163,7 +164,7 @@ class Spread:
 
     @property
     def determinant_m4(self) -> float:
-        """Of the covariance."""
+        """Determinant of the covariance."""
         return max(0.0, self.east_m2 * self.north_m2 - self.product_m2**2)
 
     @property
@@ -181,12 +182,12 @@ class Spread:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Particles:
-    """Hypotheses of where the tag is, how it moves and how strong it is."""
+    """Hypotheses of a tag's place, motion and strength."""
 
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
-    """Velocity of those that travel, 0 for the others."""
+    """Velocity of travelling ones, 0 for the others."""
     north_m_s: _Singles
     mode: NDArray[np.int8]
     exponent: _Singles
@@ -195,7 +196,7 @@ class _Particles:
     mean_db: _Singles
     variance_db2: _Singles
     origin: NDArray[np.int32]
-    """Which hypothesis of the last remembered time each comes from; -1: it is newer."""
+    """Index among the hypotheses of the last remembered time; -1: it is newer."""
 
     def chosen(self, index: NDArray[np.intp]) -> "_Particles":
         return _Particles(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
@@ -211,7 +212,7 @@ class _Particles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Remembered:
-    """Where all hypotheses were at a time, and which of the time before each comes from."""
+    """Places of all hypotheses at a time, and their index at the time before."""
 
     east_m: _Singles
     north_m: _Singles
@@ -221,30 +222,25 @@ class _Remembered:
 class ParticleTracker:
     """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
 
-    Three motions that go over into each other (interacting multiple models): resting, a random
+    Three motions with transitions between them (interacting multiple models): resting, a random
     walk, and a nearly constant velocity. Single precision: 0.5 ms for each pulse.
 
-    Parameters
-    ----------
-    prior : TagPrior
-        Area, strength, antenna, walk.
-    rng : Generator
-        Randomness; the same seed gives the same track.
-    particles : int
-        Hypotheses.
+    `prior`: area, strength, antenna, walk.
+    `rng`: the same seed gives the same track.
+    `particles`: number of hypotheses.
     """
 
     _SWITCHING_PER_S = 0.005
-    """An animal changes what it does every three minutes or so."""
+    """Rate of changes of motion: every three minutes or so."""
     _LOST_NATS = 12.0
-    """A pulse this much less probable than chance alone explains: hypotheses are renewed."""
+    """Log-probability deficit against chance at which hypotheses are renewed."""
     _PATHS = 4000
-    """Hypotheses whose paths are looked at afterwards."""
+    """Number of hypotheses whose paths are evaluated afterwards."""
 
     def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
         self._prior, self._rng, self._count = prior, rng, particles
-        self._told_exponent = (0.0, 0.0)
-        """Precision, and mean times precision, of what others told of the exponent."""
+        self._external_exponent = (0.0, 0.0)
+        """Precision, and mean times precision, of the exponent from other tags."""
         self._state = self._fresh(particles)
         self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
         self._time_s: float | None = None
@@ -287,7 +283,7 @@ class ParticleTracker:
         )
 
     def _plausible(self, exponent: _Singles) -> _Singles:
-        """A known exponent is what it is; a learnt one is between those of air and of woods."""
+        """Clip a learnt exponent to the range from free space to woods."""
         if self._prior.exponent_sigma == 0.0:
             return np.full(len(exponent), self._prior.exponent, np.float32)
         return np.clip(exponent, 1.8, 4.2)
@@ -304,7 +300,7 @@ class ParticleTracker:
         return np.asarray(np.searchsorted(shares[:2], drawn, side="right"), np.int8)
 
     def _velocities(self, mode: NDArray[np.int8]) -> _Singles:
-        """(2, count) any direction for those that travel, speeds about the usual one."""
+        """(2, count) velocities of travelling ones: any direction, about the usual speed."""
         velocity = np.zeros((2, len(mode)), np.float32)
         moving = np.flatnonzero(mode == TRAVELLING)
         sigma = self._prior.travelling_m_s * float(np.sqrt(2.0 / np.pi))
@@ -348,7 +344,7 @@ class ParticleTracker:
         self._stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
 
     def _drift(self, step: float) -> None:
-        """Let the strength wander about what it was told, and no farther off than that."""
+        """Random walk of the strength about its learnt value, with a limit."""
         drift2 = self._prior.level_drift_db_per_root_s**2 * step
         if drift2 <= 0.0 or self._prior.level_sigma_db <= 0.0:
             return
@@ -361,14 +357,14 @@ class ParticleTracker:
             state.loss_error[:, 2] *= kept
 
     def _stay_about(self, place: _Singles, least: float, most: float) -> None:
-        """Turn those back that would leave the area farther than an animal walks by now."""
+        """Turn back those that would leave the area farther than an animal walks by now."""
         if float(place.min()) < least:
             np.copyto(place, 2.0 * least - place, where=place < least)
         if float(place.max()) > most:
             np.copyto(place, 2.0 * most - place, where=place > most)
 
     def _switch(self, step: float) -> None:
-        """Some hypotheses change what the animal does."""
+        """Change the motion of some hypotheses."""
         if max(self._prior.motion) >= sum(self._prior.motion):
             return
         state = self._state
@@ -380,13 +376,10 @@ class ParticleTracker:
         state.east_m_s[those], state.north_m_s[those] = velocity
 
     def listen(self, heard: Listening, *, elsewhere: float = 0.0) -> Expectation:
-        """Update with a pulse, or that none was heard; what was expected before.
+        """Update with a pulse or a miss; returns the expectation before it.
 
-        Parameters
-        ----------
-        heard : Listening
-        elsewhere : float
-            Density [1/dB] of pulses of this level from another source, besides those by chance.
+        `elsewhere`: density [1/dB] of pulses of this level from another source, besides those
+        by chance.
         """
         state, prior = self._state, self._prior
         self._look_from(heard)
@@ -420,7 +413,7 @@ class ParticleTracker:
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
 
     def density(self, heard: Listening) -> float:
-        """Probability density [1/dB] that the tag gives this pulse; nothing is learnt."""
+        """Probability density [1/dB] that the tag gives this pulse, without an update."""
         level, expected, scatter_db, behind = self._expected(heard)
         both = level.update(
             heard,
@@ -433,7 +426,7 @@ class ParticleTracker:
         return float(self._weight @ np.exp(both))
 
     def _look_from(self, heard: Listening) -> None:
-        """Hills look different from here than from where the last pulse was heard."""
+        """Decorrelate the ground model's error by the drone's movement since the last pulse."""
         error = LossError.of_columns(self._state.loss_error)
         if error is not None:
             here = float(heard.east_m), float(heard.north_m)
@@ -443,7 +436,7 @@ class ParticleTracker:
     def _expected(
         self, heard: Listening
     ) -> tuple[LevelBelief, _Floats, _Floats | float, Behind | None]:
-        """Strengths, levels here by them, how these scatter, and the hills between."""
+        """Strengths, expected levels here, their scatter, and the hills between."""
         state, prior = self._state, self._prior
         level = LevelBelief(
             mean_db=state.mean_db,
@@ -470,10 +463,7 @@ class ParticleTracker:
     ) -> float:
         """Update with a bearing's (360,) posterior; its pulses must not count as well.
 
-        Returns
-        -------
-        float
-            Logarithm of its probability density per degree, the tag being there.
+        Returns: the logarithm of its probability density per degree if the tag is there.
         """
         evidence = BearingEvidence(
             np.array([east_m]), np.array([north_m]), posterior[None, :], outlier_share=0.05
@@ -485,39 +475,35 @@ class ParticleTracker:
         return gained
 
     def exponent(self) -> tuple[float, float]:
-        """Mean and variance of the exponent of the path loss."""
+        """Mean and variance of the path loss exponent."""
         exponent, weight = self._state.exponent, self._weight
         mean = float(weight @ exponent)
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update with what is known of the exponent from elsewhere, as a normal likelihood.
+        """Update with knowledge of the exponent from other tags, as a normal likelihood.
 
-        Parameters
-        ----------
-        precision : float
-            One over its variance.
-        weighted : float
-            Its mean times the precision.
+        `precision`: one over its variance.
+        `weighted`: its mean times the precision.
         """
-        known, before = self._told_exponent
-        self._told_exponent = (known + precision, before + weighted)
+        known, before = self._external_exponent
+        self._external_exponent = (known + precision, before + weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)
         self._spread_out()
 
     def _exponent_before(self) -> tuple[float, float]:
-        """Mean and standard deviation of the exponent but for the tag's own pulses."""
+        """Mean and standard deviation of the exponent without the tag's own pulses."""
         prior = self._prior
         if prior.exponent_sigma == 0.0:
             return prior.exponent, 0.0
-        known, weighted = self._told_exponent
+        known, weighted = self._external_exponent
         own = 1.0 / prior.exponent_sigma**2
         precision = own + known
         return (own * prior.exponent + weighted) / precision, float(np.sqrt(1.0 / precision))
 
     def estimate(self) -> TrackEstimate:
-        """Report where the tag is, as far as known."""
+        """Estimate of the tag's place."""
         state, weight = self._state, self._weight
         found = _estimate(state.east_m, state.north_m, state.mean_db, weight)
         return replace(
@@ -527,7 +513,7 @@ class ParticleTracker:
         )
 
     def remember(self) -> None:
-        """Keep where the hypotheses are now, for `trail`."""
+        """Remember the hypotheses' present places, for `trail`."""
         state = self._state
         self._remembered.append(
             _Remembered(
@@ -537,30 +523,30 @@ class ParticleTracker:
         state.origin = np.arange(self._count, dtype=np.int32)
 
     def trail(self) -> list[TrackEstimate | None]:
-        """Report where the tag was at each remembered time, by all that was heard until now.
+        """Estimates of the tag's place at each remembered time, by all data until now.
 
-        Each hypothesis has its own past, and those that hold now tell of then (the paths of
-        the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time of which
-        no hypothesis tells that was not put anew since.
+        Each hypothesis has its own past, and the present ones give the past places (the paths
+        of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
+        which all hypotheses were replaced.
         """
         kept = self._comb((np.arange(self._PATHS) + 0.5) / self._PATHS)
         found: list[TrackEstimate | None] = []
         level = self._state.mean_db[kept]
         index = self._state.origin[kept]
         for then in reversed(self._remembered):
-            told = np.flatnonzero(index >= 0)
-            past = index[told]
-            weight = np.full(len(told), 1.0 / max(1, len(told)))
+            traced = np.flatnonzero(index >= 0)
+            past = index[traced]
+            weight = np.full(len(traced), 1.0 / max(1, len(traced)))
             found.append(
-                _estimate(then.east_m[past], then.north_m[past], level[told], weight)
-                if len(told)
+                _estimate(then.east_m[past], then.north_m[past], level[traced], weight)
+                if len(traced)
                 else None
             )
             index = np.where(index >= 0, then.origin[np.maximum(index, 0)], -1)
         return found[::-1]
 
     def spread(self) -> Spread:
-        """Describe how far apart the hypotheses are."""
+        """Spread of the hypotheses."""
         state, weight = self._state, self._weight
         east, north = float(weight @ state.east_m), float(weight @ state.north_m)
         dx, dy = state.east_m - east, state.north_m - north
@@ -574,7 +560,7 @@ class ParticleTracker:
         )
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """Draw a few hypotheses evenly from all, without chance."""
+        """A few hypotheses, drawn evenly from all without chance."""
         state = self._state
         index = self._comb((np.arange(count) + 0.5) / count)
         walk = self._prior.walking_m_per_root_s
@@ -617,9 +603,9 @@ class ParticleTracker:
         return evidence
 
     def _wonder(self, nats: float) -> None:
-        """Add up what the hypotheses lose against chance and others; good pulses take it away.
+        """Sum the deficit of the hypotheses against chance and others; good pulses reduce it.
 
-        Renew them when that is too much, else draw them anew where they have become few.
+        Renew them when it is too large, else resample them where few hold most of the weight.
         """
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > self._LOST_NATS:
@@ -628,13 +614,13 @@ class ParticleTracker:
             self._spread_out()
 
     def _spread_out(self) -> None:
-        """Draw the hypotheses anew where few of them hold nearly all of the weight."""
+        """Resample where few hypotheses hold nearly all of the weight."""
         if 1.0 / float(self._weight @ self._weight) < self._count / 2:
             self._state = self._resampled(self._count)
             self._even()
 
     def _resampled(self, count: int) -> _Particles:
-        """Systematic resampling, with Silverman's smoothing so that copies part ways."""
+        """Systematic resampling, with Silverman's smoothing to separate copies."""
         state, weight = self._state, self._weight
         chosen = state.chosen(self._comb((np.arange(count) + self._rng.random()) / count))
         bandwidth = 0.5 * count ** (-1.0 / 6.0)
@@ -654,7 +640,7 @@ class ParticleTracker:
         return chosen
 
     def _renew(self) -> None:
-        """Half of the hypotheses start over: the tag is not where they were."""
+        """Restart half of the hypotheses: the tag is not where they were."""
         half = self._count // 2
         self._state = self._resampled(self._count - half).joined(self._fresh(half))
         self._surprise = 0.0
