@@ -75,12 +75,17 @@ class LiveSource:
 
     @property
     def samples_lost(self) -> int:
-        """Samples that never came, by the radio's words or by the arrivals."""
+        """Samples that never came, by the radio's report or by the arrivals."""
         return self._placer.lost
 
     @property
+    def lost_withdrawn(self) -> int:
+        """Samples counted as lost in blocks before the source turned out to be slow."""
+        return self._placer.withdrawn
+
+    @property
     def samples_unsure(self) -> int:
-        """Of the lost, so many may as well be a crystal far off its rate."""
+        """Lost samples that a crystal far off its rate would explain as well."""
         return self._placer.unsure
 
     @property
