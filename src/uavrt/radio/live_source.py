@@ -70,8 +70,13 @@ class LiveSource:
 
     @property
     def samples_lost(self) -> int:
-        """Lost samples, as the radio reports or the arrivals show."""
+        """Samples that never came, by the radio's report or by the arrivals."""
         return self._placer.lost
+
+    @property
+    def lost_withdrawn(self) -> int:
+        """Samples counted as lost in blocks before the source turned out to be slow."""
+        return self._placer.withdrawn
 
     @property
     def samples_unsure(self) -> int:

@@ -61,7 +61,8 @@ class Placer:
         """Index of the next sample to be given, lost ones counted."""
         self.lost = 0
         self.unsure = 0
-        """Lost samples that a crystal far off its rate would explain as well."""
+        """Samples of `lost` that a crystal far off its rate would explain as well."""
+        self._inferred = 0
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)
         self._may_be_slow, self._rate_remedy = may_be_slow, rate_remedy
@@ -93,6 +94,11 @@ class Placer:
     def unseen(self) -> str | None:
         """Why arrivals are not used for times and losses; None: they are used."""
         return self._keeper.unseen if self._nominal is None else "--start-time was given"
+
+    @property
+    def withdrawn(self) -> int:
+        """Samples of `lost` inferred from arrivals before these turned out to show nothing."""
+        return 0 if self._keeper.unseen is None else self._inferred
 
     @property
     def rate_fault(self) -> str | None:
@@ -224,6 +230,7 @@ class Placer:
             and (full or took_s < 0.5 * (end - last_end) / self._rate_hz),
         )
         lost = keeper.lost_samples()
+        self._inferred += lost
         if lost and self._question_cut and not self._cut and keeper.inside < arrival.held:
             self._cut = keeper.inside
             if self._cut and lost < HALVED_S * self._rate_hz:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from uavrt.detection.detector import PulseDetector
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.messages import IQBlock
 from uavrt_experiments.detection.interference import impulses
@@ -61,15 +62,10 @@ def train(rng: np.random.Generator, offset_hz: float) -> list[TruePulse]:
     )
 
 
-def heard_beside_voice(*, offset_hz: float, level_db: float, slot_s: float) -> Comparison:
-    """Search for a tag at an offset from the middle of a transmission."""
-    rng = np.random.default_rng(48)
-    center_hz = THESIS_TAG.frequency_hz - offset_hz
-    samples = noise(rng, round(SECONDS * RATE_HZ))
-    samples += digital_voice(rng, len(samples), level_db=level_db, slot_s=slot_s)
-    truth = train(rng, offset_hz + 37.0)
-    for one in truth:
-        add_pulse(samples, one, sample_rate_hz=RATE_HZ, width_s=0.02, phase=rng.uniform(0, 6))
+def channel_of(
+    samples: NDArray[np.complex64], center_hz: float
+) -> tuple[list[tuple[NDArray[np.complex64], int]], FrontEnd]:
+    """Filter the tag's channel out of a band."""
     front_end = FrontEnd(
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=center_hz,
@@ -88,6 +84,19 @@ def heard_beside_voice(*, offset_hz: float, level_db: float, slot_s: float) -> C
             )
         )
     ]
+    return blocks, front_end
+
+
+def heard_beside_voice(*, offset_hz: float, level_db: float, slot_s: float) -> Comparison:
+    """Search for a tag at an offset from the middle of a transmission."""
+    rng = np.random.default_rng(48)
+    center_hz = THESIS_TAG.frequency_hz - offset_hz
+    samples = noise(rng, round(SECONDS * RATE_HZ))
+    samples += digital_voice(rng, len(samples), level_db=level_db, slot_s=slot_s)
+    truth = train(rng, offset_hz + 37.0)
+    for one in truth:
+        add_pulse(samples, one, sample_rate_hz=RATE_HZ, width_s=0.02, phase=rng.uniform(0, 6))
+    blocks, front_end = channel_of(samples, center_hz)
     pulses, _ = detect_blocks(
         blocks,
         THESIS_TAG,
@@ -96,6 +105,38 @@ def heard_beside_voice(*, offset_hz: float, level_db: float, slot_s: float) -> C
         frequency_window_hz=500.0,
     )
     return compare(pulses, truth, THESIS_TAG, center_frequency_hz=center_hz)
+
+
+@pytest.mark.parametrize(
+    ("offset_hz", "level_db", "slot_s", "free"),
+    [
+        (0.0, 20.0, 0.0, 0.0),
+        (0.0, 35.0, 0.0, 0.0),
+        (1200.0, 25.0, 0.0, 0.0),
+        (0.0, 35.0, 0.7, 0.5),
+        (7000.0, 50.0, 0.0, 1.0),
+    ],
+)
+def test_voice_on_the_frequency_of_the_tag_is_counted_steady_or_in_slots(
+    offset_hz: float, level_db: float, slot_s: float, free: float
+) -> None:
+    # A level that is never left was taken for that of noise: 100 % usable.
+    rng = np.random.default_rng(49)
+    samples = noise(rng, round(28.0 * RATE_HZ))
+    samples += digital_voice(rng, len(samples), level_db=level_db, slot_s=slot_s)
+    blocks, front_end = channel_of(samples, THESIS_TAG.frequency_hz - offset_hz)
+    plan = front_end.plan
+    detector = PulseDetector(
+        THESIS_TAG,
+        sample_rate_hz=plan.channel_rate_hz,
+        center_frequency_hz=plan.channel_centers_hz[0],
+    )
+    for block, time_ns in blocks:
+        detector.process(block, time_ns)
+    shares = [one.usable_share for one in detector.search_reports()]
+    assert np.mean([share for share in shares if share is not None]) == pytest.approx(
+        free, abs=0.05
+    )
 
 
 @pytest.mark.parametrize(

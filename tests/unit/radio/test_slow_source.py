@@ -61,8 +61,9 @@ def test_a_steady_shortfall_loses_nothing_and_keeps_the_distance_of_samples(
 def test_a_small_shortfall_is_known_within_half_a_minute(speed: float) -> None:
     placer, _ = placed(speed, duration_s=25.0)
     before = placer.lost
-    placer, _ = placed(speed, duration_s=90.0)
+    placer, blocks = placed(speed, duration_s=90.0)
     assert placer.lost <= 1.1 * before
+    assert placer.withdrawn == placer.lost == sum(block.lost_before for block in blocks)
     assert before <= 1.2 * (1.0 / speed - 1.0) * 22.0 * RATE_HZ
     assert "slower" in str(placer.unseen)
 
@@ -85,6 +86,7 @@ def test_a_radio_that_is_read_directly_is_never_slow_but_loses_samples(speed: fl
     """On the drone times must stay with the poses, however evenly samples are lost."""
     placer, blocks = placed(speed, radio=True)
     assert placer.unseen is None
+    assert placer.withdrawn == 0
     last, true_s = blocks[-1], 30.0 / speed
     assert placer.lost == pytest.approx((1.0 / speed - 1.0) * 30.0 * RATE_HZ, rel=0.1)
     assert (last.time_ns - START_NS) * 1e-9 == pytest.approx(true_s, abs=0.5)

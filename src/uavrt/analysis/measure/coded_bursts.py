@@ -1,8 +1,8 @@
 """Find coded tags in a recording: bursts that repeat with the same gaps.
 
-Single pulses are strong enough, since the tag is near while it is measured. Pulses within a
-quarter of a second form a burst. Bursts with the same number of pulses and the same gaps are
-one tag, and their times give the burst interval.
+Pulses are found one by one, since the tag that is measured is near. Those that follow each
+other within a quarter of a second are a burst. Bursts with equal numbers of pulses and equal
+gaps are one tag, and their times show the burst interval.
 """
 
 import math
@@ -20,8 +20,14 @@ from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import ChannelBlock, Tag
 
 LONGEST_PULSE_S: Final = 0.006
-"""Longest pulse of a coded tag [s]: they have 2.5 ms; beeping tags have 8 ms and more."""
+"""Longest pulses that leave it open whether a tag is coded; those that beep have 8 ms."""
 _WIDTH_S: Final = 0.0025
+"""Length of the filter that finds pulses: the usual length of a coded tag's, others are up to
+7.5 ms long."""
+_REACH_S: Final = 0.009
+"""A pulse is compared with its surroundings to this distance [s]; gaps are longer."""
+_WIDTH_STEPS_PER_S: Final = 2000.0
+"""Lengths of pulses are specified in steps of 0.5 ms."""
 _LEAST: Final = 30.0
 """Least energy of a pulse over that of noise: 15 dB."""
 _PEAKED: Final = 4.0
@@ -40,6 +46,8 @@ class MeasuredCode:
     frequency_hz: float
     gaps_s: tuple[float, ...]
     gaps_sigma_s: tuple[float, ...]
+    pulse_width_s: float
+    """Median length; the first pulse of a burst may be longer than the others."""
     burst_interval_s: float
     burst_interval_sigma_s: float
     bursts: int
@@ -49,7 +57,7 @@ class MeasuredCode:
         return Tag(
             tag_id=tag_id,
             frequency_hz=float(round(self.frequency_hz)),
-            pulse_width_s=_WIDTH_S,
+            pulse_width_s=round(self.pulse_width_s * _WIDTH_STEPS_PER_S) / _WIDTH_STEPS_PER_S,
             pulse_intervals_s=(round(self.burst_interval_s, 4),),
             interval_uncertainty_s=max(
                 0.004, math.ceil(3e3 * self.burst_interval_sigma_s) / 1e3
@@ -60,8 +68,10 @@ class MeasuredCode:
         )
 
 
-def find_codes(times_s: NDArray[np.float64], frequency_hz: float) -> list[MeasuredCode]:
-    """Find the codes among the times of pulses at one frequency, ascending."""
+def find_codes(
+    times_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
+) -> list[MeasuredCode]:
+    """Find the codes among the pulses at one frequency: middles, ascending, and lengths."""
     left = split_bursts(times_s)
     found = []
     while left:
@@ -70,25 +80,33 @@ def find_codes(times_s: NDArray[np.float64], frequency_hz: float) -> list[Measur
         same = [one for one in same if np.abs(np.diff(one) - first).sum() <= GAP_TOLERANCE_S]
         alike = {id(one) for one in same}
         left = [one for one in left if id(one) not in alike]
-        if len(same) >= FEWEST_BURSTS and (code := _code(same, frequency_hz)) is not None:
-            found.append(code)
+        if len(same) >= FEWEST_BURSTS:
+            middles_s = np.array(same)
+            lengths_s = widths_s[np.searchsorted(times_s, middles_s)]
+            if (code := _code(middles_s, lengths_s, frequency_hz)) is not None:
+                found.append(code)
     return found
 
 
-def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCode | None:
-    """Measure bursts of the same gaps; None where they are not periodic."""
-    starts_s = np.array([one[0] for one in bursts])
-    beat = _beat(starts_s)
+def _code(
+    middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
+) -> MeasuredCode | None:
+    """Measure bursts of the same gaps, a row each; None for bursts that keep no interval.
+
+    A middle is known better than a start. The n-th pulses of all bursts are equally long.
+    """
+    beat = _beat(middles_s[:, 0])
     if beat is None:
         return None
-    gaps_s = np.array([np.diff(one) for one in bursts])
+    gaps_s = np.diff(middles_s - 0.5 * widths_s.mean(axis=0))
     return MeasuredCode(
         frequency_hz=frequency_hz,
         gaps_s=tuple(gaps_s.mean(axis=0).tolist()),
-        gaps_sigma_s=tuple((gaps_s.std(axis=0, ddof=1) / math.sqrt(len(bursts))).tolist()),
+        gaps_sigma_s=tuple((gaps_s.std(axis=0, ddof=1) / math.sqrt(len(gaps_s))).tolist()),
+        pulse_width_s=float(np.median(widths_s)),
         burst_interval_s=beat.interval_s,
         burst_interval_sigma_s=beat.sigma_s,
-        bursts=len(bursts),
+        bursts=len(gaps_s),
     )
 
 
@@ -154,24 +172,42 @@ class BurstPulses:
             self._rows.append(np.where(flat, np.float32(0.0), most))
             self._held = self._held[count * cells.hop :]
 
-    def finish(self) -> NDArray[np.float64]:
-        """Return the starts of the strong pulses, ascending [s from the first sample]."""
+    def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the strong pulses, ascending: middles [s from the first sample], lengths."""
         if self._cells is None:
-            return np.zeros(0)
+            return np.zeros(0), np.zeros(0)
         self._push(self._cells)
-        starts = self._rate_hz * _starts(np.concatenate(self._rows), self._cells)
-        return np.sort(self._times.seconds(starts, self._times.start_ns))
+        middles_s, widths_s = _pulses(np.concatenate(self._rows), self._cells)
+        times_s = self._times.seconds(self._rate_hz * middles_s, self._times.start_ns)
+        return np.sort(times_s), widths_s
 
 
-def _starts(energies: NDArray[np.float32], cells: Cells) -> NDArray[np.float64]:
-    """Times of the peaks of pulse energy [s]."""
-    energy = energies.astype(np.float64)
-    reach = cells.pulse
-    tall = np.lib.stride_tricks.sliding_window_view(np.pad(energy, reach), 2 * reach + 1)
-    top = np.flatnonzero((energy >= _LEAST) & (energy == tall.max(axis=1)))
-    top = top[(top >= reach) & (top < len(energy) - reach)]
-    # The filter falls off linearly to both sides: amplitudes give the place between columns.
-    near = max(1, reach // 3)
-    left, right = np.sqrt(energy[top - near]), np.sqrt(energy[top + near])
-    shift = 0.5 * reach * (right - left) / np.sqrt(energy[top])
-    return np.asarray((top + np.clip(shift, -1.0, 1.0)) * cells.column_s, np.float64)
+def _pulses(
+    energies: NDArray[np.float32], cells: Cells
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Measure the pulses of any length: middles and lengths [s].
+
+    Behind the filter the amplitude of a rectangular pulse rises and falls linearly. It passes
+    half of its height when the pulse fills half of the filter.
+    """
+    amplitude = np.sqrt(np.pad(energies.astype(np.float64), 1))
+    reach = round(_REACH_S / cells.column_s)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(amplitude, reach), 2 * reach + 1)
+    half = 0.5 * around.max(axis=1)
+    up = np.flatnonzero((amplitude >= half) & (half >= 0.5 * math.sqrt(_LEAST)))
+    if not up.size:
+        return np.zeros(0), np.zeros(0)
+    cuts = np.flatnonzero(np.diff(up) > 1)
+    first, last = up[np.r_[0, cuts + 1]], up[np.r_[cuts, up.size - 1]]
+    tops = np.maximum.reduceat(amplitude, np.stack((first, last + 1), axis=1).ravel())[::2]
+    whole = tops >= math.sqrt(_LEAST)
+    first, last, tops = first[whole], last[whole], tops[whole]
+
+    def crossing(inside: NDArray[np.intp], step: int) -> NDArray[np.float64]:
+        beyond = amplitude[inside + step]
+        share = (amplitude[inside] - 0.5 * tops) / np.maximum(amplitude[inside] - beyond, 1e-9)
+        return inside + step * np.clip(share, 0.0, 1.0)
+
+    rise, fall = crossing(first, -1), crossing(last, 1)
+    middles = 0.5 * (rise + fall) - 1.0 + 0.5 * cells.length / cells.hop
+    return middles * cells.column_s, (fall - rise) * cells.column_s

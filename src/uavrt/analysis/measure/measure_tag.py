@@ -41,7 +41,9 @@ _MOST_SUSPECTS: Final = 8
 """Most frequencies searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Short pulses this close to a coded tag's frequency belong to it [Hz]."""
+"""Short pulses this close to a coded tag's frequency are its own [Hz]."""
+_SAME_INTERVAL_S: Final = 0.002
+"""Difference in interval of a train that is made of a coded tag's pulses [s]."""
 _LEAST_ALIKE: Final = 0.6
 """Least share of a train's pulses that agree in width and frequency; else the train is
 doubtful."""
@@ -120,13 +122,13 @@ def measure_tags(
             again = None if on_fault is None else lambda _fault: None  # reported already
             blocks = _blocks(source, lambda p: report(0.5 + 0.5 * p), again)
             windows, pulses_s = _cut(source, blocks, clear, suspects_hz, start_ns)
-        for suspect_hz, times_s in zip(suspects_hz, pulses_s, strict=True):
+        for suspect_hz, (middles_s, widths_s) in zip(suspects_hz, pulses_s, strict=True):
             if not _of_code(center_hz + suspect_hz, codes):
-                codes += find_codes(times_s, center_hz + suspect_hz)
+                codes += find_codes(middles_s, widths_s, center_hz + suspect_hz)
         for train, cut in zip(clear, windows, strict=True):
             measured = _measured(train, cut, center_hz)
             if isinstance(measured, MeasuredTag):
-                tags.append(measured)
+                tags += [] if _in_bursts(measured, codes) else [measured]
             else:
                 doubts.append((train, measured))
     doubtful = tuple(
@@ -178,6 +180,16 @@ def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
 
 def _of_code(frequency_hz: float, codes: Sequence[MeasuredCode]) -> bool:
     return any(abs(frequency_hz - code.frequency_hz) < _CODE_HZ for code in codes)
+
+
+def _in_bursts(tag: MeasuredTag, codes: Sequence[MeasuredCode]) -> bool:
+    """Whether a train of pulses is one of each burst of a coded tag."""
+    return any(
+        _of_code(tag.frequency_hz, [code])
+        and abs(rate.interval_s - code.burst_interval_s) <= _SAME_INTERVAL_S
+        for code in codes
+        for rate in tag.rates
+    )
 
 
 def _measured(
@@ -264,8 +276,8 @@ def _cut(
     trains: Sequence[Train],
     suspects_hz: Sequence[float],
     start_ns: int,
-) -> tuple[list[list[PulseWindow]], list[NDArray[np.float64]]]:
-    """Cut the samples around each pulse out of a narrow channel; find the pulses of bursts."""
+) -> tuple[list[list[PulseWindow]], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    """Cut the samples about each pulse out of a narrow channel; find the pulses of bursts."""
     center_hz = source.center_frequency_hz
     offsets_hz = [*(train.frequency_hz for train in trains), *suspects_hz]
     front_end = FrontEnd(

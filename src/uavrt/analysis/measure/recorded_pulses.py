@@ -257,6 +257,13 @@ class DetectionSummary:
                     report.usable_share, report.weakest_enr_db
                 )
 
+    def withdraw(self, samples: int, sample_rate_hz: float) -> None:
+        """Take samples out of the losses: the source was slow and lost none."""
+        unsure = min(samples, self.samples_unsure)
+        self.samples_unsure -= unsure
+        self.samples_lost -= samples - unsure
+        self.signal_s -= samples / sample_rate_hz
+
     def count(self, pulse: Pulse) -> None:
         """Add a written pulse to the counts."""
         self.pulses[pulse.tag_id] += 1
@@ -339,6 +346,7 @@ def detect(
         if on_reports is not None:
             on_reports(reports)
     hand_over(chain.flush())
+    summary.withdraw(getattr(source, "lost_withdrawn", 0), source.sample_rate_hz)
     summary.stopped = stopped
     summary.invalid_samples = chain.invalid_samples
     summary.clipped_share = chain.clipping.share

@@ -10,7 +10,6 @@ exactly on a carrier loses a part of its energy.
 """
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -28,28 +27,21 @@ _RATIO = 40.0
 """Power over the median of the bins around: noise reaches it once in 10^12 bins, pulses (50 Hz
 wide) reach 4, a carrier does from about 0 dB in a bin of 50 Hz."""
 _GROUP = 16
-_MOST = 48
+_MOST = 160
 """Carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel."""
 FEW_LINES = 6
 _DEGREE_OF_MANY = 3
 """Of the weak ones when there are more than a few: 37 polynomials of degree 7 take a tenth of
 the noise, and most of it where the newest samples end; 3 follows a line 1.5 Hz wide."""
+_MOST_STEPS = 10
+_LEFT = 0.02
+"""Power of the waves that may be left, as a share of that of the noise in their place."""
 _STRONG = 1e4
 """Power over the median around from which on a carrier is never weak: 25 dB in a bin."""
 _HELD_LOOKS = 40
 """Looks (of up to 0.44 s) for which a carrier is subtracted after it was last found. A line of
 hum fades for seconds; left in meanwhile, its return was a false group: 17 times as many as
 asked for, with this 1.2 times (49 groups in 841 decisions at 5 %)."""
-
-
-@dataclass(slots=True, kw_only=True)
-class _Line:
-    """A carrier, and for how many more looks we assume that it is there."""
-
-    frequency_hz: float
-    looks_left: int
-    ratio: float
-    """Its power over the median of the bins around."""
 
 
 class LineCanceller:
@@ -62,17 +54,17 @@ class LineCanceller:
         self._block = max(1, round(_BLOCK_S * sample_rate_hz))
         self._past: NDArray[np.complex64] | None = None
         """Newest samples as they were before carriers were taken out; None: as they are."""
-        self._held: list[_Line] = []
-
-    @property
-    def frequencies_hz(self) -> list[float]:
-        """Carriers being subtracted, relative to the channel's centre."""
-        return [line.frequency_hz for line in self._held]
+        self.frequencies_hz = np.zeros(0)
+        """(lines,) carriers being subtracted, relative to the channel's centre."""
+        self._ratios = np.zeros(0)
+        """Power of each over the median of the bins around."""
+        self._looks_left = np.zeros(0, np.intp)
+        """Looks for which each is subtracted if it is not found again."""
 
     @property
     def idle(self) -> bool:
         """Whether there is nothing to subtract, nor was in the last samples."""
-        return not self._held and self._past is None
+        return not self.frequencies_hz.size and self._past is None
 
     @property
     def needed(self) -> int:
@@ -97,54 +89,62 @@ class LineCanceller:
         floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
         least = np.finfo(np.float32).tiny
         over = power > np.maximum(np.repeat(_RATIO * floor, _GROUP), least)
-        for line in self._held:
-            line.looks_left -= 1
-        self._held = [line for line in self._held if line.looks_left > 0]
+        self._looks_left -= 1
+        self._keep(self._looks_left > 0)
         if not over.any():
             return
         peaks = np.flatnonzero(
             over & (power >= np.roll(power, 1)) & (power > np.roll(power, -1))
         )
-        found: list[float] = []
+        peaks = peaks[np.argsort(-power[peaks])][: 2 * _MOST]
+        beside = (peaks + np.array([[-1], [0], [1]])) % self._length
+        below, at, above = np.log(np.maximum(power[beside], least))
+        shift = 0.5 * (below - above) / (below - 2.0 * at + above)
+        signed = np.where(peaks > self._length // 2, peaks - self._length, peaks)
         bin_hz = self._rate / self._length
-        for peak in peaks[np.argsort(-power[peaks])][: 2 * _MOST]:
-            three = power[[peak - 1, peak, (peak + 1) % self._length]]
-            below, at, above = np.log(np.maximum(three, least))
-            shift = 0.5 * (below - above) / (below - 2.0 * at + above)
-            index = peak - self._length if peak > self._length // 2 else peak
-            frequency = float((index + shift) * bin_hz)
-            if any(abs(frequency - other) <= 4.0 * bin_hz for other in found):
-                continue
-            ratio = float(power[peak] / max(floor[peak // _GROUP], np.float32(1e-30)))
-            if self._hold(frequency, ratio, 2.0 * bin_hz, newest):
-                found.append(frequency)
+        frequencies = (signed + shift) * bin_hz
+        ratios = power[peaks] / np.maximum(floor[peaks // _GROUP], np.float32(1e-30))
+        apart = np.abs(frequencies[:, np.newaxis] - frequencies)
+        flank = np.tril(apart <= 4.0 * bin_hz, -1).any(axis=1)
+        self._hold(frequencies[~flank], ratios[~flank], 2.0 * bin_hz, newest)
 
     def _hold(
         self,
-        frequency_hz: float,
-        ratio: float,
+        frequencies: NDArray[np.float64],
+        ratios: NDArray[np.float32],
         within_hz: float,
         samples: NDArray[np.complex64],
-    ) -> bool:
-        """Continue with a carrier, or begin with one that is steady; whether it is one."""
-        for line in self._held:
-            if abs(line.frequency_hz - frequency_hz) <= within_hz:
-                line.frequency_hz, line.ratio = frequency_hz, ratio
-                line.looks_left = _HELD_LOOKS
-                return True
-        if len(self._held) >= _MOST or not self._steady(samples, frequency_hz):
-            return False
-        self._held.append(_Line(frequency_hz=frequency_hz, looks_left=_HELD_LOOKS, ratio=ratio))
-        return True
+    ) -> None:
+        """Continue with carriers that are held, and begin with steady ones; strongest first."""
+        apart = np.abs(frequencies[:, np.newaxis] - self.frequencies_hz)
+        near = apart <= within_hz
+        found, line = np.nonzero(near)
+        self.frequencies_hz[line], self._ratios[line] = frequencies[found], ratios[found]
+        self._looks_left[line] = _HELD_LOOKS
+        room = _MOST - self.frequencies_hz.size
+        others = np.flatnonzero(~near.any(axis=1))
+        if not room or not others.size:
+            return
+        new = others[self._steady(samples, frequencies[others])][:room]
+        self.frequencies_hz = np.concatenate((self.frequencies_hz, frequencies[new]))
+        self._ratios = np.concatenate((self._ratios, ratios[new]))
+        self._looks_left = np.concatenate((self._looks_left, np.full(new.size, _HELD_LOOKS)))
 
-    def _steady(self, samples: NDArray[np.complex64], frequency_hz: float) -> bool:
-        """Whether there is as much of it in the middling 20 ms as on the average: no pulse."""
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
+        if not kept.all():
+            self.frequencies_hz, self._ratios = self.frequencies_hz[kept], self._ratios[kept]
+            self._looks_left = self._looks_left[kept]
+
+    def _steady(
+        self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Whether the median of 20 ms has as much of each as the average: pulses have not."""
         length = round(0.02 * self._rate)
-        count = len(samples) // length
-        turn = np.exp((-2j * np.pi * frequency_hz / self._rate) * np.arange(count * length))
-        sums = (samples[: count * length] * turn).reshape(count, length).sum(axis=1)
+        pieces = samples[: len(samples) // length * length].reshape(-1, length)
+        turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))
+        sums = pieces @ turns.astype(np.complex64)
         powers = sums.real**2 + sums.imag**2
-        return float(np.median(powers)) > 0.3 * float(powers.mean())
+        return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
         """Take the carriers out of new samples, in place.
@@ -152,7 +152,7 @@ class LineCanceller:
         `before`: what is kept of the samples before.
         `samples` (n,): the samples that follow those of the last call.
         """
-        if not self._held:
+        if not self.frequencies_hz.size:
             self._past = None
             return
         past = before[-self.needed :] if self._past is None else self._past
@@ -161,21 +161,79 @@ class LineCanceller:
             return
         before = past[-round(FIT_S * self._rate) :]
         both = np.concatenate((before, samples))
-        count = len(both) // self._block
+        block = self._block
+        count = len(both) // block
         if count < 4 * _DEGREE:
             return
-        spare = len(both) - count * self._block
-        n = np.arange(len(both)) - len(both) / 2.0
-        many = len(self._held) > FEW_LINES
-        for line in sorted(self._held, key=lambda line: -line.ratio):
-            degree = _DEGREE_OF_MANY if many and line.ratio < _STRONG else _DEGREE
-            fine, solve = _polynomials(len(both), self._block, degree)
-            turn = np.exp(2j * np.pi * line.frequency_hz / self._rate * n)
-            still = (both * turn.conj())[spare:].reshape(count, self._block).mean(axis=1)
-            # Not a product by BLAS: its threads take longer to wake than this does.
-            wave = np.einsum("nd,d->n", fine, solve @ still) * turn
-            both = both - wave
-        samples[:] = both[len(before) :]
+        rest = both[len(both) - count * block :].reshape(count, block)
+        many = len(self._ratios) > FEW_LINES
+        degrees = np.where(many & (self._ratios < _STRONG), _DEGREE_OF_MANY, _DEGREE)
+        lines = _Waves(self.frequencies_hz, degrees, self._rate, count, block)
+        cleaned = lines.removed(rest).ravel()[-len(samples) :]
+        samples[len(samples) - len(cleaned) :] = cleaned
+
+
+class _Waves:
+    """Waves at given frequencies whose amplitudes follow polynomials.
+
+    All waves are fitted together, since neighbours share a part of their power, by the method
+    of conjugate gradients: its cost is that of a few products of small matrices. Within a block
+    an amplitude is linear.
+
+    `frequencies_hz`, `degrees`: of each wave and its polynomial.
+    `count`, `block`: number of blocks and samples of each.
+    """
+
+    def __init__(
+        self,
+        frequencies_hz: NDArray[np.float64],
+        degrees: NDArray[np.intp],
+        rate_hz: float,
+        count: int,
+        block: int,
+    ) -> None:
+        turn = 2j * np.pi / rate_hz * frequencies_hz
+        place = np.arange(block)[:, np.newaxis] - 0.5 * (block - 1)
+        within = np.exp(turn * place) / math.sqrt(block)
+        self._within = np.concatenate((within, within * place / block), axis=1)
+        self._within = self._within.astype(np.complex64)
+        middles = np.exp(turn * (block * np.arange(count)[:, np.newaxis]))
+        self._middles = np.tile(middles.astype(np.complex64), 2)
+        most = int(degrees.max())
+        self._values, self._changes = _polynomials(count, most)
+        self._used = np.arange(most + 1)[:, np.newaxis] <= degrees
+
+    def _sum(self, weights: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Add up the waves: weights (polynomials, waves) to samples (count, block)."""
+        levels = np.concatenate((self._values @ weights, self._changes @ weights), axis=1)
+        return np.asarray((levels * self._middles) @ self._within.T)
+
+    def _shares(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Project samples on each wave by itself; the adjoint of `_sum`."""
+        levels = (samples @ self._within.conj()) * self._middles.conj()
+        half = levels.shape[1] // 2
+        shares = self._values.T @ levels[:, :half] + self._changes.T @ levels[:, half:]
+        return np.asarray(shares * self._used)
+
+    def removed(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
+        """Return samples (count, block) without the waves."""
+        rest = samples
+        shares = direction = self._shares(rest)
+        power = _power(shares)
+        for _ in range(_MOST_STEPS):
+            wave = self._sum(direction)
+            step = power / max(_power(wave), 1e-30)
+            rest = rest - np.float32(step) * wave
+            shares = self._shares(rest)
+            before, power = power, _power(shares)
+            if power <= _LEFT * self._used.sum() * _power(rest) / rest.size:
+                break
+            direction = shares + np.float32(power / before) * direction
+        return rest
+
+
+def _power(values: NDArray[np.complex64]) -> float:
+    return float((values.real**2 + values.imag**2).sum())
 
 
 @lru_cache(maxsize=8)
@@ -185,16 +243,15 @@ def _window(length: int) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=8)
-def _polynomials(
-    length: int, block: int, degree: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Polynomials of an amplitude, and what fits them to the means of blocks.
+def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Make orthonormal polynomials over a number of blocks.
 
-    `block`: samples of a block; what is too few for one lies before the first.
-    Returns (fine, solve): Legendre's over all samples, (length, degree + 1); least squares,
-    (degree + 1, length // block).
+    Returns (values, changes): in the blocks' middles, and the change from block to block, both
+    (count, degree + 1).
     """
-    n = np.arange(length) - length / 2.0
-    fine = np.asarray(np.polynomial.legendre.legvander(2.0 * n / length, degree), np.float64)
-    coarse = fine[length % block :].reshape(length // block, block, -1).mean(axis=1)
-    return fine, np.linalg.pinv(coarse)
+    at = (2.0 * np.arange(count) + 1.0) / count - 1.0
+    legendre = np.polynomial.legendre
+    values, mixed = np.linalg.qr(legendre.legvander(at, degree))
+    slopes = legendre.legval(at, legendre.legder(np.eye(degree + 1))).T
+    changes = slopes @ np.linalg.inv(mixed) * (2.0 / count)
+    return values.astype(np.float32), changes.astype(np.float32)

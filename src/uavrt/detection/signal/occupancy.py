@@ -1,4 +1,8 @@
-"""Measure in which share of the time a tag's own frequency is free of other signals."""
+"""Measure in which share of the time a tag's own frequency is free of other signals.
+
+An instant is occupied if it is louder than the quiet instants of the same frequency, or than
+the quietest frequencies of the channel: a steady transmitter leaves no quiet instant.
+"""
 
 import math
 
@@ -12,6 +16,12 @@ _RISE_S = 120.0
 _LOUD = 24.0
 """Power over the quiet level of an occupied instant. The lowest quartile in a minute is about
 0.3 of the mean of noise: noise alone is hardly ever so loud."""
+_ABOVE_CHANNEL = 4.0
+"""Most that the quiet level lies above that of the channel's quietest frequencies, as a ratio:
+noise falls by half at the channel's edges, and the lowest of many measurements by as much. What
+is higher at all times is a steady signal."""
+_GROUP_BINS = 8
+"""Neighbouring bins whose mean is the level of a frequency."""
 _STRIDE = 8
 _RECEIVED = 0.5
 """Least share of a window's samples that are neither lost nor taken out as impulses."""
@@ -32,8 +42,10 @@ class Occupancy:
         offsets = offset_hz + _APART_BINS * bin_hz * np.array([-1.0, 0.0, 1.0])
         turn = np.arange(self._length)[:, np.newaxis] * offsets / sample_rate_hz
         # Side lobes would show a neighbour.
-        taper = np.hanning(self._length + 2)[1:-1, np.newaxis]
-        self._filters = (taper * np.exp(-2j * np.pi * turn)).astype(np.complex64)
+        self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
+        self._filters = (self._taper[:, np.newaxis] * np.exp(-2j * np.pi * turn)).astype(
+            np.complex64
+        )
         self._quiet = math.inf
         self._usable = self._looked = 0
 
@@ -50,9 +62,18 @@ class Occupancy:
         cells = windows @ self._filters
         power = (cells.real**2 + cells.imag**2).mean(axis=1) / received
         risen = self._quiet * math.exp(count * self._length_s / _RISE_S)
-        self._quiet = min(risen, float(np.partition(power, len(power) // 4)[len(power) // 4]))
+        own = float(np.partition(power, len(power) // 4)[len(power) // 4])
+        self._quiet = min(risen, own, _ABOVE_CHANNEL * self._lowest(windows))
         self._usable += int(np.count_nonzero(power < _LOUD * self._quiet))
         self._looked += len(power)
+
+    def _lowest(self, windows: NDArray[np.complex64]) -> float:
+        """Level of the channel's quietest frequencies, in their quiet quarter of the time."""
+        spectrum = np.fft.fft(windows * self._taper)
+        power = spectrum.real**2 + spectrum.imag**2
+        quiet = np.partition(power, len(power) // 4, axis=0)[len(power) // 4]
+        groups = max(len(quiet) // _GROUP_BINS, 1)
+        return float(quiet[: groups * _GROUP_BINS].reshape(groups, -1).mean(axis=1).min())
 
     def take_share(self) -> float | None:
         """Share of usable instants since the last call; None: all samples were lost."""

@@ -88,7 +88,7 @@ class Cleaner:
     @property
     def many_lines(self) -> bool:
         """Whether more than a few carriers are taken out: mains hum."""
-        return len(self._lines.frequencies_hz) > FEW_LINES
+        return self._lines.frequencies_hz.size > FEW_LINES
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Clean the samples of indices [first, last).
@@ -143,7 +143,7 @@ class Cleaner:
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
-        look = bool(self._lines.frequencies_hz) or last >= self._look_at
+        look = self._lines.frequencies_hz.size > 0 or last >= self._look_at
         if not look and self._lines.idle:
             return
         first = max(first, buffer.start)
