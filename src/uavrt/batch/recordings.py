@@ -139,6 +139,8 @@ class Found:
 NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
 _LONE_DATA = "its .sigmf-meta is missing"
 _LINK = "a link to a folder (name it itself)"
+_NO_TEXT = "its name is not UTF-8 text (rename it)"
+"""No table and no list of files can contain it."""
 
 
 def find_recordings(
@@ -218,6 +220,8 @@ class _Search:
             raise FormatError(
                 f"{root} cannot be read: {error.strerror}", remedy="Check its permissions"
             ) from error
+        if not self._is_text(root):
+            return
         if not is_folder:
             if root.name == FlightLayout(root.parent).database.name:
                 self._add_flight(root.parent, root.parent)
@@ -229,11 +233,19 @@ class _Search:
             if RECORDINGS in names and DONE in below:
                 below.clear()  # the output of a batch
                 continue
-            below.sort()
+            for named in (below, names):
+                named[:] = sorted(name for name in named if self._is_text(here / name))
             for name in [one for one in below if (here / one).is_symlink()]:
                 self._pass_over(str(here / name), _LINK, unreadable=True)
-            for name in sorted(names):
+            for name in names:
                 self._add(here / name, root)
+
+    def _is_text(self, path: Path) -> bool:
+        """Whether a name can be written; pass over those that cannot."""
+        text = os.fsencode(path).decode(errors="backslashreplace")
+        if text != str(path):
+            self._pass_over(text, _NO_TEXT, unreadable=True)
+        return text == str(path)
 
     def _add(self, file: Path, root: Path) -> None:
         kept = self._listed.keys() | self._known

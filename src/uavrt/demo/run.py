@@ -16,7 +16,7 @@ from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.config.tag_files import write_tags
 from uavrt.demo.programs import DemoPaths, Program, free_ros_domain, free_udp_port
 from uavrt.demo.rig import Rig, SimulatedDrone
-from uavrt.demo.summary import DemoSummary, summarize_tag
+from uavrt.demo.summary import DemoSummary, sampled_span, summarize_tag
 from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import RECEIVER, Cpu, samples_lost
 from uavrt.demo.workplace import require_free_port, workplace
@@ -266,13 +266,15 @@ class Demo:
         shutil.copy(drone.side.paths.scenario, drone.flight_directory)
         received = read_ground_pulses(self._ground_directory, self._begun_ns)
         receiver = drone.cpu.counters(RECEIVER)
-        truth = World(scenario).truth(drone.cpu.first_sample_ns, drone.cpu.last_sample_ns)
+        recorded = [item.pulse for item in flight.pulse_poses]
+        reported = drone.cpu.first_sample_ns, drone.cpu.last_sample_ns
+        truth = World(scenario).truth(*sampled_span(*reported, recorded))
         return DemoSummary(
             tags={
                 str(tag.tag_id): summarize_tag(
                     tag,
                     truth,
-                    [item.pulse for item in flight.pulse_poses],
+                    recorded,
                     [p.start_time_ns for p in received if p.tag_id == tag.tag_id],
                 )
                 for tag in scenario.tags

@@ -128,6 +128,19 @@ def summarize_tag(
     )
 
 
+def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tuple[int, int]:
+    """Widen the reported time of a flight's samples to all recorded pulses.
+
+    The reports of a receiver that was killed may be missing.
+    """
+    limit_ns = ns_from_s(MATCH_TIME_S)
+    times = [pulse.start_time_ns for pulse in recorded]
+    return (
+        min([first_ns, *(time_ns - limit_ns for time_ns in times)]),
+        max([last_ns, *(time_ns + limit_ns for time_ns in times)]),
+    )
+
+
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
     """Combine the pulses of each complete burst into one: its mean strength.
 

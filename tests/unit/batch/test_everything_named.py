@@ -62,6 +62,24 @@ def test_every_entry_is_searched_or_named(
     }
 
 
+def test_names_that_are_not_utf_8_are_named_and_the_others_searched(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tmp_path / "archive"
+    flight = write_flight(root / "a", length_s=5.0)
+    flight.rename(root / os.fsdecode(b"se\xf1al"))
+    for name in (b"a\xe9.cf32", b"b.cf32"):
+        (root / os.fsdecode(name)).write_bytes(bytes(800))
+    (tmp_path / "tags.txt").write_text(LINES.splitlines()[0] + "\n")
+    command = ("batch", str(root), "--tags", str(tmp_path / "tags.txt"), "--workers", "1")
+    assert uavrt(*command, "-o", str(tmp_path / "out")) == 1
+    said = capsys.readouterr().err
+    for name in ("a\\xe9.cf32", "se\\xf1al"):
+        assert f"{root}/{name} passed over: its name is not UTF-8 text (rename it)" in said
+    assert "1 recording, 0 flights" in said
+    assert pq.read_table(tmp_path / "out" / "passed_over.parquet").num_rows == 2
+
+
 def test_the_command_names_them_and_keeps_a_list(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
