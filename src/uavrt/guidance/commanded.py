@@ -16,7 +16,7 @@ from uavrt.guidance.progress import (
     Progress,
 )
 from uavrt.guidance.stopping import stops_within_m
-from uavrt.guidance.yaw import YawWatch
+from uavrt.guidance.yaw import COURSE_M_S, YawWatch
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
 
@@ -236,7 +236,9 @@ class Commanded:
             return None
         wish = self.wish
         here = seen.way_to(wish) if isinstance(wish, FlyThere) else (None, 0.0)
-        return self.yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
+        follows = self.manners.follows_course and seen.speed_m_s > COURSE_M_S
+        course = seen.course_deg if follows and isinstance(wish, FlyThere) else None
+        return self.yaw.fault(self._made_s(seen), seen.yaw_deg, *here, course)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
         """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""

@@ -30,6 +30,8 @@ class Manners:
     """As often as it can be had; PX4 sends CURRENT_MODE at 2 Hz whatever is asked."""
     yaw_in_reposition: bool
     """DO_REPOSITION turns, and turning is by steps; else by one CONDITION_YAW."""
+    follows_course: bool
+    """On its way the heading follows the course over ground, else the bearing of the target."""
 
     takeoff_mode: int
     """In which it climbs from the ground; ours is after it, or is this."""
@@ -89,6 +91,7 @@ PX4 = Manners(
     mode_by="CURRENT_MODE",
     mode_rate_hz=10.0,
     yaw_in_reposition=True,
+    follows_course=False,
     takeoff_mode=_px4(4, 2),
     mission_modes=frozenset({_px4(4, 4), _px4(4, 5)}),
     home_in_mission=False,
@@ -118,6 +121,7 @@ ARDUPILOT = Manners(
     mode_by="HEARTBEAT",
     mode_rate_hz=10.0,
     yaw_in_reposition=False,
+    follows_course=True,
     takeoff_mode=4,
     mission_modes=frozenset({3, 27}),
     home_in_mission=True,

@@ -43,6 +43,11 @@ class PositionSeen:
         """Speed over ground."""
         return hypot(self.velocity_m_s[0], self.velocity_m_s[1])
 
+    @property
+    def course_deg(self) -> float:
+        """Direction of motion over ground, clockwise from north [deg]."""
+        return degrees(atan2(self.velocity_m_s[1], self.velocity_m_s[0]))
+
     def way_to(self, place: FlyThere) -> tuple[float, float]:
         """Bearing [deg] of a place and its distance [m]."""
         east = wrap_degrees_180(place.longitude_deg - self.longitude_deg)

@@ -1,6 +1,7 @@
 """Check that the heading moves as commanded. Pure."""
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from math import atan, copysign, degrees
 
 from uavrt.units import wrap_degrees_180
@@ -23,6 +24,11 @@ TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
 ON_S = 0.3
 """Within this time of a command, a reported setpoint may be older than the command [s]."""
+COURSE_S = 1.0
+"""Time within which a heading follows the course over ground [s]. After a new target near the
+old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its course."""
+COURSE_M_S = 0.2
+"""Least speed at which a course is known [m/s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
 
@@ -33,7 +39,7 @@ class YawWatch:
 
     The heading may stay as it was and come nearer to where the drone is to look: the heading
     asked for, else the bearing to the target from where the drone is, as long as it is not
-    near. It may not go away from that.
+    near. It may not go away from that, except to where the drone moved just before.
 
     `start_s`: time of the command.
     `yaw_deg`: heading then.
@@ -67,6 +73,8 @@ class YawWatch:
     _on_deg: float = 0.0
     """Angle by which the setpoint continued its earlier turn since the command."""
     _ended: bool = False
+    _courses: deque[tuple[float, float]] = field(default_factory=deque)
+    """Times [s] and courses over ground [deg] of the last `COURSE_S`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -87,10 +95,12 @@ class YawWatch:
         yaw_deg: float,
         bearing_deg: float | None = None,
         away_m: float = 0.0,
+        course_deg: float | None = None,
     ) -> str | None:
         """Take a heading; say what is wrong with it.
 
         `bearing_deg`, `away_m`: to the target, from where the drone is.
+        `course_deg`: direction of its motion, if its heading follows that.
         """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
@@ -113,6 +123,8 @@ class YawWatch:
         self._turns |= not there and off < self._first_deg - BEGUN_DEG
         if time_s - self.start_s < TURNS_ON_S:
             most += self._turned_on_deg(time_s, step, off)
+        course_deg = course_deg if away_m > FROZEN_M else None
+        most = max(most, self._course_off_deg(time_s, aim, yaw_deg, course_deg))
         stands = time_s - self._moved_s > STOPPED_S
         if self.exact and self._turns and not there and stands and not self._turns_on:
             return OTHERS_TURN  # a setpoint that began to turn continues to its aim
@@ -121,6 +133,18 @@ class YawWatch:
     @property
     def _tolerance_deg(self) -> float:
         return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
+
+    def _course_off_deg(
+        self, time_s: float, aim_deg: float, yaw_deg: float, course_deg: float | None
+    ) -> float:
+        """Angle from the aim by which the latest courses explain a heading on their side."""
+        if course_deg is not None:
+            self._courses.append((time_s, course_deg))
+        while self._courses and self._courses[0][0] < time_s - COURSE_S:
+            self._courses.popleft()
+        side = copysign(1.0, wrap_degrees_180(yaw_deg - aim_deg))
+        offs = (side * wrap_degrees_180(course - aim_deg) for _, course in self._courses)
+        return max(offs, default=-180.0) + self._tolerance_deg
 
     def _align(self, time_s: float, off_deg: float) -> None:
         """Note since when a measured heading looks to the target."""
