@@ -220,12 +220,12 @@ class Together:
         for number, a in enumerate(self.drones):
             for b in self.drones[:number]:
                 one, two = a.flown.vehicle, b.flown.vehicle
-                apart = math.dist(one.place_m, two.place_m)
+                apart = math.dist(one.body.place_m, two.body.place_m)
                 if a.searching and b.searching and not (a.homeward or b.homeward):
                     self.apart_m = min(self.apart_m, apart)
                 at_home = any(
                     math.hypot(*vehicle.body.place_m) < HOME_M for vehicle in (one, two)
                 )
                 if (a.homeward or b.homeward) and not at_home and apart < 25.0:
-                    off = abs(one.height_m - two.height_m)
+                    off = abs(one.body.height_m - two.body.height_m)
                     self.heights_apart_m = min(self.heights_apart_m, off)

@@ -38,7 +38,7 @@ def test_an_order_that_ends_on_its_way_says_how_far_it_was(
     link = Link(flown=Flown("px4"))
     link.run(1.5)
     begin(link, 60.0)
-    left_m = 60.0 - link.flown.vehicle.north_m
+    left_m = 60.0 - link.flown.vehicle.body.north_m
     link.flown.vehicle.set_mode(3 << 16)
     link.run(1.0)
     assert link.states[-1].standing == "out"
