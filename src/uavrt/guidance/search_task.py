@@ -61,47 +61,28 @@ class Equipment:
     """Known strength and motion of some tags, by number; the others have the usual prior."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTask:
-    """A search order, and all that does not change while it is flown."""
+    """A search order, and all that does not change while it is flown.
 
-    order: Order
-    tags: tuple[Tag, ...]
-    limits: Limits
-    manners: Manners
-    equipment: Equipment
-    height_m: float
-    """Above home."""
-    plane: TangentPlane
-    """Around home."""
-    outline: tuple[Place, ...]
+    Raises `PlanError`: its tags, outline or height cannot be.
+    """
 
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         order: Order,
         listed: Sequence[Tag],
         now: VehicleNow,
         limits: Limits,
         manners: Manners,
         equipment: Equipment,
-    ) -> "SearchTask":
-        """Make the task; raises `PlanError` for its tags, outline or height."""
-        tags = _wanted(order, listed)
-        plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
-        height_m = now.altitude_relative_m if order.height_m is None else order.height_m
-        outline = order.places or _circle(order, now, plane)
-        check_height(height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
-        return cls(
-            order=order,
-            tags=tags,
-            limits=limits,
-            manners=manners,
-            equipment=equipment,
-            height_m=height_m,
-            plane=plane,
-            outline=outline,
-        )
+    ) -> None:
+        self.order, self.limits, self.manners = order, limits, manners
+        self.equipment = equipment
+        self.tags = _wanted(order, listed)
+        self.plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
+        self.height_m = now.altitude_relative_m if order.height_m is None else order.height_m
+        self.outline = order.places or _circle(order, now, self.plane)
+        check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
         """Begin with prior beliefs; raises `PlanError` if it is outside the limits."""

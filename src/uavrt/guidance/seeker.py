@@ -1,8 +1,4 @@
-"""Searches for tags: receives pulses, updates beliefs, decides, and reports why. Pure.
-
-Between what the drone receives and `uavrt.planning`, and between that and the steps that
-`uavrt.guidance.pilot` flies.
-"""
+"""Searches for tags: receives pulses, updates beliefs, decides, and reports why. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -60,8 +56,6 @@ class _Course:
 
     goal_m: tuple[float, float] | None = None
     """East and north; None where it stays."""
-    before_m: tuple[float, float] | None = None
-    """Goal of the decision before."""
     near: float = 0.0
     """Probability then that an animal was too near."""
     over: bool = False
@@ -85,7 +79,7 @@ class Seeker:
         manners: Manners,
         equipment: Equipment,
     ) -> None:
-        self._task = task = SearchTask.of(order, listed, now, limits, manners, equipment)
+        self._task = task = SearchTask(order, listed, now, limits, manners, equipment)
         self._search = task.search(now)
         self.check(now)
         self._ears = Ears(
@@ -213,17 +207,15 @@ class Seeker:
         found = f"{len(search.found)} of {len(self._task.tags)} found"
         said = f"{found}; {short}: {decision.reason}"
         self._course_before = course
-        self._course = _Course(
-            goal_m=goal, before_m=course.goal_m, near=search.near(state), over=ends, said=said
-        )
+        self._course = _Course(goal_m=goal, near=search.near(state), over=ends, said=said)
         notes.append(
             self._notes.note(
                 "decision", time_ns, time_s, now, short, decision.reason, goal_m=goal
             )
         )
-        stand = self._stand(now)
+        stand = self._stand(now, course.goal_m)
         return Choice(
-            steps=self._steps(decision.action, now),
+            steps=self._steps(decision.action, now, stand),
             said=said,
             notes=tuple(notes),
             way=(stand, stand if goal is None else self._task.place(*goal)),
@@ -247,10 +239,9 @@ class Seeker:
         near = self._search.near(state)
         return near > 1.0 - KEPT_AWAY and near > APPROACHED * self._course.near
 
-    def _steps(self, action: Action, now: VehicleNow) -> tuple[Step, ...]:
-        """What the pilot is to fly for an action."""
-        task, stand = self._task, self._stand(now)
-        height = task.height_m
+    def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
+        """What the pilot is to fly for an action, from where the drone stands first."""
+        task, height = self._task, self._task.height_m
         match action:
             case FlyTo():
                 return (Go(place=task.place(action.east_m, action.north_m), height_m=height),)
@@ -264,11 +255,8 @@ class Seeker:
             case Return():
                 return (Home(),)
 
-    def _stand(self, now: VehicleNow) -> Place:
-        """Where it is, or comes to a stand on the way that it was on."""
-        return self._standing(now, self._course.before_m)
-
-    def _standing(self, now: VehicleNow, goal_m: tuple[float, float] | None) -> Place:
+    def _stand(self, now: VehicleNow, goal_m: tuple[float, float] | None) -> Place:
+        """Where it is, or comes to a stand on its way to a goal."""
         if goal_m is None:
             return (now.latitude_deg, now.longitude_deg)
         return standing_place(now, self._task.place(*goal_m))
@@ -278,7 +266,7 @@ class Seeker:
 
     def _state(self, time_s: float, now: VehicleNow, *, idle: bool) -> VehicleState:
         """Where it can turn to something else: on its way it comes to a stand first."""
-        stand = self._standing(now, None if idle else self._course.goal_m)
+        stand = self._stand(now, None if idle else self._course.goal_m)
         east, north = self._task.local_m(*stand)
         return VehicleState(
             time_s=time_s,

@@ -191,9 +191,8 @@ class Polygon:
     ) -> _Floats:
         """Least distance of straight ways from its edge; 0 across it."""
         end = (east_m, north_m)
-        return np.asarray(
-            np.min([ways_apart_m(start_m, end, side) for side in self._sides], axis=0)
-        )
+        off = [ways_apart_m(start_m, end, side) for side in self._sides]
+        return np.asarray(np.min(off, axis=0))
 
 
 _Place = tuple[float | _Floats, float | _Floats]

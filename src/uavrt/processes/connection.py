@@ -56,8 +56,10 @@ PEERS = ("autopilot", "ground station")
 class LinkWatch:
     """Serves the links at `addresses`, by number; the autopilot's is number 0."""
 
-    def __init__(self, link: Connection, addresses: Mapping[int, str]) -> None:
-        self._link, self._addresses = link, addresses
+    def __init__(
+        self, link: Connection, addresses: Mapping[int, str], memory: SigningMemory | None
+    ) -> None:
+        self._link, self._addresses, self._memory = link, addresses, memory
         self._faults: dict[int, str] = {}
         self._heard = (False, False)
         self._stations: frozenset[tuple[int, int]] = frozenset()
@@ -90,6 +92,12 @@ class LinkWatch:
         """Whether the autopilot's link could not be opened."""
         return 0 in self._addresses and self._link.link is None and 0 in self._faults
 
+    def keep_signing_times(self, now_ns: int, disk: DiskThread) -> None:
+        """Write the times of signed messages when due."""
+        times = None if self._memory is None else self._memory.due(now_ns)
+        if self._memory is not None and times is not None:
+            disk(partial(self._memory.write, times), lambda _done: None)
+
     def newcomer(self) -> bool:
         """Whether a ground station has appeared since the last call."""
         before, self._stations = self._stations, frozenset(self._link.stations_silent_s())
@@ -111,7 +119,8 @@ class ConnectionProcess:
     def __init__(self, frame: ProcessFrame) -> None:
         settings, flight = frame.assignment.settings, frame.assignment.flight
         mavlink, now_ns = settings.mavlink, frame.clock.now_ns
-        self._frame = frame
+        self._frame, self._now_ns = frame, now_ns
+        """A flight's clock differs from this one, by the poses' shift."""
         self._disk = DiskThread()
         self._poses = PoseDesk(
             settings,
@@ -121,10 +130,11 @@ class ConnectionProcess:
         )
         signing = signing_from(mavlink, now_ns)
         flights = Path(settings.recording.directory)
-        self._signing_memory = None if signing is None else SigningMemory(signing, flights)
+        memory = None if signing is None else SigningMemory(signing, flights)
         self._link = self._connection(settings, signing)
         numbered = enumerate((mavlink.address, *mavlink.direct_links))
-        self._links = LinkWatch(self._link, {n: address for n, address in numbered if address})
+        addresses = {number: address for number, address in numbered if address}
+        self._links = LinkWatch(self._link, addresses, memory)
         exchange = Exchange(
             mavlink.tunnel_generation,
             version=mavlink.tunnel_version,
@@ -175,7 +185,7 @@ class ConnectionProcess:
                 radio_status=self._radio_status,
                 parameters=lambda *message: self._inbox.parameter_request(*message),
             ),
-            self._frame.clock.now_ns,
+            self._now_ns,
             links=1 + len(mavlink.direct_links),
             component_id=mavlink.component_id,
             attitude_rate_hz=mavlink.attitude_rate_hz,
@@ -238,15 +248,12 @@ class ConnectionProcess:
             self._frame.stop()
 
     def _tick(self) -> None:
-        now_ns = self._frame.clock.now_ns()
+        now_ns = self._now_ns()
         clock = self._link.component.time_sync
         self._poses.watch_clock(self._link.clock_is_stale, lambda: clock.counters(now_ns))
         self._pulses.tick(now_ns)
         self._files.work()
-        if self._signing_memory is not None:
-            times = self._signing_memory.due(now_ns)
-            if times is not None:
-                self._disk(partial(self._signing_memory.write, times), lambda _done: None)
+        self._links.keep_signing_times(now_ns, self._disk)
         if self._motion is not None:
             self._motion.tick(self._inbox.stations.silent_s())
         if self._links.linked:
@@ -295,11 +302,11 @@ class ConnectionProcess:
 
     def _send_text(self, text: StatusText) -> None:
         if self._links.linked:
-            self._status.text(text, self._frame.clock.now_ns())
+            self._status.text(text, self._now_ns())
 
     def _vehicle_message(self, message: Message, arrived_ns: int) -> None:
         if self._motion is not None:
-            age_s = (self._frame.clock.now_ns() - arrived_ns) / NANOSECONDS_PER_SECOND
+            age_s = (self._now_ns() - arrived_ns) / NANOSECONDS_PER_SECOND
             late_s = self._link.component.late_s(message, arrived_ns)
             self._motion.vehicle(message, max(0.0, age_s), late_s)
 
@@ -308,7 +315,7 @@ class ConnectionProcess:
             self._motion.autopilot_found()
 
     def _radio_status(self, status: RadioStatus) -> None:
-        now_ns = self._frame.clock.now_ns()
+        now_ns = self._now_ns()
         self._link.tunnel.rate_of(self._link.heard_on).radio_status(status.txbuf, now_ns)
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
@@ -317,7 +324,7 @@ class ConnectionProcess:
         detecting = system is not None and system.state is SystemState.DETECTING
         if not stations.admits_file_request(peer, detecting=detecting):
             return
-        trip_s = self._files.receive(payload, peer, self._frame.clock.now_ns())
+        trip_s = self._files.receive(payload, peer, self._now_ns())
         if trip_s is not None:
             stations.file_received(peer, trip_s)
 

@@ -240,7 +240,7 @@ class ConnectionInbox:
         try:
             payload = encode_course(course)
         except TunnelError as error:
-            log.warning("course not told", reason=error.message)
+            log.warning("course not sent", reason=error.message)
             return
         self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
 

@@ -41,14 +41,15 @@ class PulsePath:
         *,
         linked: bool,
     ) -> None:
-        self._frame, self._link, self._linked = frame, link, linked
+        self._send_record, self._now_ns = frame.send, frame.clock.now_ns
+        self._link, self._linked = link, linked
         self._poses, self._status = poses, status
         self._delivery = PulseDelivery()
         self.outlet = PulseOutlet(
             exchange.pulse,
             self._note_delivered,
             disk,
-            first_refill_ns=frame.clock.now_ns() + FIRST_REFILL_NS,
+            first_refill_ns=self._now_ns() + FIRST_REFILL_NS,
         )
         flight = frame.assignment.flight
         self._heard_tags = HeardTags(() if flight is None else flight.tags)
@@ -78,12 +79,12 @@ class PulsePath:
 
     def add(self, pulse: Pulse) -> None:
         """Take a detector's pulse, which waits for its pose."""
-        self._status.detector_alive(pulse.tag_id, self._frame.clock.now_ns())
+        self._status.detector_alive(pulse.tag_id, self._now_ns())
         self._poses.add(pulse)
 
     def searched(self, report: SearchReport) -> None:
         """Report what a detector has searched."""
-        self._status.search_report(report, self._frame.clock.now_ns())
+        self._status.search_report(report, self._now_ns())
 
     def tick(self, now_ns: int) -> None:
         """Pass on the pulses whose pose is known; repeat what was not acknowledged."""
@@ -101,7 +102,7 @@ class PulsePath:
         """
         for pulse_pose in pulse_poses:
             if self._delivery.let_out(pulse_pose.pulse.key):
-                self._frame.send("pulse_pose", pulse_pose)
+                self._send_record("pulse_pose", pulse_pose)
                 self._send(pulse_pose)
 
     def made_up(self, pulse_pose: PulsePose) -> None:
@@ -123,7 +124,7 @@ class PulsePath:
 
     def _report_tag(self, pulse: Pulse) -> None:
         """Inform stations that cannot read our pulses."""
-        now_ns = self._frame.clock.now_ns()
+        now_ns = self._now_ns()
         self._named_values.heard(pulse, now_ns)
         text = self._heard_tags.text(pulse)
         if text is not None and self._status.tag_text(text, now_ns):
@@ -131,7 +132,7 @@ class PulsePath:
 
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
         """Handle a ground station's receipt."""
-        now_ns, sender = self._frame.clock.now_ns(), self.outlet.sender
+        now_ns, sender = self._now_ns(), self.outlet.sender
         before = sender.stores, sender.proven
         proven, trip_s = self.outlet.receipt(payload, place, now_ns)
         if sender.stores - before[0] or sender.proven - before[1]:
@@ -142,7 +143,7 @@ class PulsePath:
 
     def _note_delivered(self, delivered: Delivered) -> None:
         time_ns = delivered.time_ns + self._poses.shift_ns
-        self._frame.send("delivered", replace(delivered, time_ns=time_ns))
+        self._send_record("delivered", replace(delivered, time_ns=time_ns))
 
     def _go_on_from(self, found: tuple[str, dict[int, tuple[int, int]]]) -> None:
         """Take the tags that were heard in this flight before the process began."""

@@ -72,8 +72,8 @@ async def test_the_link_goes_on_while_a_write_does_not_return(
         await until(lambda: world.vehicle_report.standing == "in command")
         await until(lambda: session.snapshot()["flight"]["fault"] is not None)
         assert time.monotonic() - begun_s < 5.0
-        yaw_deg = world.flown.yaw_deg
-        await until(lambda: abs((world.flown.yaw_deg - yaw_deg) % 360.0) > 10.0)
+        yaw_deg = world.flown.heading.yaw_deg
+        await until(lambda: abs((world.flown.heading.yaw_deg - yaw_deg) % 360.0) > 10.0)
         await flying.stop()
         await until(lambda: world.vehicle_report.standing == "out")
         await until(lambda: session.vehicle.flight.keeper.pulses > pulses + 3)

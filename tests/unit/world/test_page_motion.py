@@ -48,20 +48,20 @@ async def test_a_motion_is_offered_confirmed_once_and_stopped(tmp_path: Path) ->
         number = state["motion"]["offer"]["order_id"]
         assert number == offer["order_id"]
         assert (await motion(page, "confirm", {"order_id": number + 1})).status == 409
-        yaw_deg = world.flown.yaw_deg
+        yaw_deg = world.flown.heading.yaw_deg
         await asyncio.sleep(3.0)
-        assert (world.vehicle_report.standing, world.flown.yaw_deg) == ("out", yaw_deg)
+        assert (world.vehicle_report.standing, world.flown.heading.yaw_deg) == ("out", yaw_deg)
         yes = {"order_id": number, "sticks_unseen": True}
         assert (await motion(page, "confirm", yes)).json["standing"] == "confirmed"
         assert (await motion(page, "confirm", yes)).status == 409
         await page.until(lambda state: state["motion"]["standing"] == "in command")
-        await until(lambda: abs((world.flown.yaw_deg - yaw_deg) % 360.0) > 20.0)
+        await until(lambda: abs((world.flown.heading.yaw_deg - yaw_deg) % 360.0) > 20.0)
         assert (await motion(page, "stop", {})).status == 200
         await page.until(lambda state: state["motion"]["standing"] == "out")
         await asyncio.sleep(3.0)
-        stands_at = world.flown.yaw_deg
+        stands_at = world.flown.heading.yaw_deg
         await asyncio.sleep(10.0)
-        assert world.flown.yaw_deg == pytest.approx(stands_at, abs=0.01)
+        assert world.flown.heading.yaw_deg == pytest.approx(stands_at, abs=0.01)
 
 
 async def test_a_refusal_is_shown_in_the_drones_words(tmp_path: Path) -> None:
