@@ -11,7 +11,7 @@ import made
 import pytest
 
 from uavrt import ground
-from uavrt.commands import SystemState
+from uavrt.commands import CommandId, SystemState
 from uavrt.config.tag_corrections import correction_of
 from uavrt.errors import CommandRefused
 from uavrt.ground.link.drone_contact import DroneContact
@@ -110,10 +110,12 @@ async def test_only_the_answer_to_this_request_ends_a_command(
     )
     ways: Any = SimpleNamespace(best=lambda: [0], send=lambda message, link: sent.append(link))
     exchange = Exchange(protocol, ways, DroneContact(None), lambda: 0, 0.01)
-    payload = HeaderMessage(command=3).encode()
+    payload = HeaderMessage(command=CommandId.START_DETECTION).encode()
     waiting = asyncio.create_task(exchange.command(payload, 0, 7))
     await asyncio.sleep(0)
-    answer = Acknowledged(command=3, accepted=False, message="busy", request_id=request_id)
+    answer = Acknowledged(
+        command=CommandId.START_DETECTION, accepted=False, message="busy", request_id=request_id
+    )
     exchange.take(answer)
     with pytest.raises(Exception, match="busy" if tries == 1 else "did not answer") as error:
         await waiting
