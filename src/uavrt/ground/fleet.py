@@ -35,10 +35,8 @@ TELL_S, TELL_WITHIN_S = 1.0, 0.05
 class Fleet:
     """The sessions; `run` serves all until cancelled.
 
-    `store`: the station's directory.
-    `on_event`: called with each thing heard from any vehicle, before it is shown.
-    `keys`: secrets shared with the drones.
-    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
+    `on_event`: called with each event of any vehicle, before it is shown.
+    `also`: called in the disk thread with each pulse that is stored.
     """
 
     def __init__(

@@ -40,17 +40,14 @@ STATE_S = 1.0
 class GroundSession:
     """One ground station; `run` serves it until cancelled.
 
-    `store`: its directory.
-    `clock`: the ground's clock.
     `on_event`: called with each event received from the drone, before it is shown; with a
     pulse, or the content of a burst, after the write that is to store it.
-    `keys`: secrets shared with the drone.
     `links`: links that are shared with the sessions of other vehicles; the first opens them.
     `companions`: get this session; give those of the other vehicles.
     `my_place`: of the first; without it there is one of its own.
     `estimating`: held while estimates are worked out, by one session at a time.
-    `on_course`: takes this session and where its drone says that it goes.
-    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
+    `on_course`: takes this session and the course that its drone reports.
+    `also`: called in the disk thread with each pulse that is stored.
     """
 
     vehicle: ServedVehicle

@@ -51,10 +51,7 @@ class Download:
 
 
 class Downloads:
-    """One download at a time, for one vehicle.
-
-    `vehicle`: whose link is used.
-    """
+    """One download at a time, over the link of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle

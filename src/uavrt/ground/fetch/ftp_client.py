@@ -74,10 +74,9 @@ class RemoteTree:
 
 
 class FileClient:
-    """One conversation with the drone's file server.
+    """One conversation with the drone's file server; raises `LinkError`.
 
     `send`: sends a request's 251 bytes.
-    `session`: ours; any number serves.
     `unanswered`: called when nothing has come for a while; there may be another link.
     """
 
@@ -170,10 +169,8 @@ class FileClient:
         """Read a file from `start` to its end; return its size.
 
         `write`: gets the bytes in order; the link waits for nothing that it waits for.
-        `start`: bytes that are here already.
         `progress`: gets the bytes that are here, and the size.
         `allow`: gets the size before anything is read; raises when it is too much.
-        Raises `LinkError`: the drone refuses, does not answer, or does not get on.
         """
         opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
         _check(opened, path)
@@ -291,8 +288,6 @@ class _Pace:
     """Aborts a transfer that makes no progress.
 
     `least`: what must come within `STALL_NS`.
-    `what`: of what, for the error.
-    `start`: what is here already.
     """
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
@@ -328,9 +323,7 @@ def _soon(wait_ns: int) -> float:
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
     """Refuse a flight that is too large, for what it can be or for the disk here.
 
-    `entries`: what is to be fetched.
     `samples`: recorded samples are among it, which may have any size.
-    Raises `RecordingError`: it is too large.
     """
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
@@ -365,9 +358,6 @@ async def fetch_file(
     there is gone on with; if the whole is then wrong it is fetched again, once. A file of that
     name that is here and is no earlier state of this one stays; the new one is then
     ``NAME.other-1``.
-
-    Raises `LinkError`: the drone does not answer, refuses, or does not get on.
-    Raises `RecordingError`: the file cannot be written, is too large, or is wrong twice.
     """
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:

@@ -90,10 +90,7 @@ def _place(wish: Any) -> tuple[float, float] | None:
 
 
 class Commands:
-    """The commands of one vehicle.
-
-    `vehicle`: whose link and flight they use.
-    """
+    """The commands of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle

@@ -37,10 +37,7 @@ _LOOKS_BACK = 10
 
 
 class CurrentFlight:
-    """The flight in progress, or the one that ended last.
-
-    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
-    """
+    """The flight in progress, or the one that ended last."""
 
     def __init__(
         self,

@@ -23,11 +23,7 @@ QUIET_S = 0.5
 
 
 class DroneParameters:
-    """Lists and sets the drone's parameters.
-
-    `protocol`: knows the drone, and seals.
-    `answer_wait_s`: how long to wait for each answer.
-    """
+    """Lists and sets the drone's parameters."""
 
     def __init__(
         self,

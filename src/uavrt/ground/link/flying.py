@@ -38,7 +38,6 @@ class Offered:
     """What the drone would fly."""
 
     state: MotionState
-    action: str
     way: Places
     time_ns: int
     page: str | None
@@ -46,10 +45,7 @@ class Offered:
 
 
 class Flying:
-    """The motions of one vehicle.
-
-    `vehicle`: which is moved.
-    """
+    """The motions of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
@@ -125,9 +121,7 @@ class Flying:
         self._offered = None
         offer = await ask(self._link(), request)
         now_ns = self._vehicle.clock.now_ns()
-        self._offered = Offered(
-            state=offer, action=request.action, way=way, time_ns=now_ns, page=page
-        )
+        self._offered = Offered(state=offer, way=way, time_ns=now_ns, page=page)
         self._vehicle.feed.note(6, f"the drone would {offer.text}")
         self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
@@ -170,7 +164,7 @@ class Flying:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Let the drone stand and be out; raises `CommandRefused` or `LinkError`."""
+        """Let the drone stand and be out; where that raises, a pilot has to stop it."""
         self._offered = None
         self._vehicle.feed.note(5, "taken back by the operator")
         state = await stop(self._link())

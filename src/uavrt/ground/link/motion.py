@@ -25,12 +25,10 @@ def new_number() -> int:
 def motion_request(
     action: str, places: Sequence[tuple[float, float]] = (), **values: object
 ) -> MotionRequest:
-    """Write down what is asked for.
+    """Write a request for a motion; raises `UsageError` for an unknown one.
 
-    `action`: one of `MotionAction`.
     `places`: latitude and longitude [deg] of a goal, or of an outline's corners.
     `**values`: further fields of `MotionRequest`.
-    Raises `UsageError`: there is no such motion.
     """
     if action not in MOTION_ACTIONS:
         raise UsageError(f"{action[:40]!r} is no motion")
@@ -45,16 +43,9 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Ask for a motion; give the drone's offer. Nothing moves by it.
+    """Ask for a motion; return the drone's offer. Nothing moves by it.
 
-    Raises
-    ------
-    CommandRefused
-        The drone would not fly it; the text is its reason.
-    LinkError
-        It did not answer.
-    UsageError
-        The request does not fit into a message.
+    Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
     """
     return await link.motion(encode_request(request), request.request_id)
 

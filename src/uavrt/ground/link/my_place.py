@@ -23,10 +23,7 @@ SILENCE_S = 10.0
 
 
 class MyPlace:
-    """The place of this computer, while a GPS receiver reports it.
-
-    `clock_s`: seconds of a clock that never steps.
-    """
+    """The place of this computer, while a GPS receiver reports it."""
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
         self._clock_s = clock_s

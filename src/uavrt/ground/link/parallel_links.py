@@ -31,11 +31,7 @@ Listener = Callable[[Frame, int], None]
 
 
 class Links:
-    """The open links of a ground station.
-
-    `own`: system and component id.
-    `signing`: signs what leaves, with a link id for each link.
-    """
+    """The open links of a ground station; `signing` has a link id for each."""
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
         self._own = own
@@ -116,9 +112,6 @@ class Links:
 class Ways:
     """The links to one drone.
 
-    `own`: system and component id.
-    `receive`: gets each frame and the number of its link.
-    `signing`: signs what leaves, with a link id for each link.
     `links`: those that are shared with others; without it they are this one's alone.
     """
 

@@ -119,8 +119,6 @@ class GroundProtocol:
     """Decodes and counts what the ground receives; no I/O.
 
     `receipts`: what to acknowledge; None for a station that does not.
-    `sealer`: seals what is sent.
-    `generation`: what the drone speaks.
     `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on
     (with 255/190); the autopilot then takes us for the operator's own.
     `identity`: which vehicle is served; without it the first that is heard.

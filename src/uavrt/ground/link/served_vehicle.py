@@ -28,10 +28,7 @@ ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 class ServedVehicle:
     """One vehicle, and what is known of it.
 
-    `make_link`: makes its link, see `Connection`.
-    `companions`: get the other vehicles that are served.
     `on_flight`: called when a flight of our own has begun.
-    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
     """
 
     def __init__(

@@ -3,7 +3,7 @@
 MGRS lettering: NGA.SIG.0012, WGS 84 scheme "AA".
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from uavrt.geodesy import Utm, utm
 
@@ -20,10 +20,6 @@ class Readout:
     utm: str | None
     """None beyond 84° north and 80° south, where UTM ends."""
     mgrs: str | None
-
-    def as_dict(self) -> dict[str, str | None]:
-        """As JSON takes it."""
-        return asdict(self)
 
 
 def readout(latitude_deg: float, longitude_deg: float) -> Readout:

@@ -3,7 +3,7 @@
 import base64
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -252,7 +252,7 @@ def _position(one: TagPosition) -> Record:
     return {
         **record,
         "stations": record["bearings"],
-        "readout": readout(found.latitude_deg, found.longitude_deg).as_dict(),
+        "readout": asdict(readout(found.latitude_deg, found.longitude_deg)),
         **_regions(found.grid),
     }
 

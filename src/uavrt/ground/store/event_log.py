@@ -32,7 +32,6 @@ class EventLog:
     """Lines in memory and, one JSON object each, in a file.
 
     `path`: the file; lines of earlier runs are read from it.
-    `disk`: where the file is written.
     """
 
     def __init__(self, path: Path, disk: Disk = at_once) -> None:
@@ -43,11 +42,9 @@ class EventLog:
         self._read()
 
     def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
-        """Add a line; gives it as it is shown.
+        """Add a line, cut at 400 characters; return it as it is shown.
 
-        `time_ns`: on the ground's clock [ns, UTC].
         `severity`: MAVLink's, 0 (emergency) to 7 (debug).
-        `text`: what was said; cut at 400 characters.
         `source`: ``"drone"``, ``"acknowledgement"`` or ``"ground"``.
         """
         self._number += 1

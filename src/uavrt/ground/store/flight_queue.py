@@ -29,8 +29,6 @@ TURN_S = 0.01
 class FlightQueue:
     """Hands work to a `FlightWriter` in the disk thread; nothing here waits for the disk.
 
-    `directory`: of the flights, for errors.
-    `also`: see `FlightWriter`.
     `on_written`: called after each write, whether the disk took it or not.
     """
 

@@ -156,11 +156,7 @@ class Columns:
 
 
 class FlightLibrary:
-    """Flights below one directory.
-
-    `directory`: where this ground station records, and where flights of a drone may be copied
-    to.
-    """
+    """Flights below one directory, recorded here or copied from a drone."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -256,9 +252,6 @@ class FlightLibrary:
         """Read how loud a vehicle's receiver was at rest in its past flights [dB].
 
         Flights that do not name their vehicle count for each.
-
-        `system_id`: of the vehicle; None: all flights count.
-        `but`: the flight that goes on.
         """
         flights = (
             flight

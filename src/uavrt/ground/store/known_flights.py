@@ -60,10 +60,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 class KnownFlights:
-    """Summaries with the state of the files that they are of.
-
-    `path`: where they are kept.
-    """
+    """Summaries with the state of the files that they are of."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -314,6 +314,14 @@ def _vehicle(kept: dict[str, Any]) -> tuple[int | None, str | None]:
     return None, None
 
 
+_RANGES = {
+    "antenna_offset_deg": (-360.0, 360.0),
+    "heading_error_deg": (0.0, 90.0),
+    "height_error_m": (0.0, 1000.0),
+    "roaming_m": (0.0, 1000.0),
+}
+
+
 def _judged(name: str, value: Any) -> Any:
     """Judge one setting."""
     match name:
@@ -332,14 +340,8 @@ def _judged(name: str, value: Any) -> Any:
             return value
         case "antenna" if isinstance(value, str) and (value in PATTERNS or value == MONOPOLE):
             return value
-        case "antenna_offset_deg":
-            return _number(name, value, -360.0, 360.0)
-        case "heading_error_deg":
-            return _number(name, value, 0.0, 90.0)
-        case "height_error_m":
-            return _number(name, value, 0.0, 1000.0)
-        case "roaming_m":
-            return _number(name, value, 0.0, 1000.0)
+        case _ if name in _RANGES:
+            return _number(name, value, *_RANGES[name])
         case "left_out" if isinstance(value, list | tuple):
             if all(type(one) is int for one in value):
                 return tuple(sorted(set(value)))

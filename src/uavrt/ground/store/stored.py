@@ -15,8 +15,7 @@ PULSES_NAME = "pulses.jsonl"
 class PulseLines:
     """``pulses.jsonl``: a line for each pulse and for what is inside a burst, written at once.
 
-    `path`: the file; it is continued, without half a line that a kill has left.
-    Raises `RecordingError`: it cannot be written.
+    It is continued, without half a line that a kill has left. Raises `RecordingError`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -66,9 +65,7 @@ class PulseLines:
 def read_ground_pulses(directory: Path, since_ns: int = 0) -> list[Pulse]:
     """Read the pulses that a ground station has stored, with a page or without one.
 
-    `directory`: its directory.
     `since_ns`: flights that began earlier are left out [ns, UTC].
-    Raises `FormatError`: the file cannot be read or is damaged.
     """
     flights = [read_flight(path.parent) for path in directory.glob("*/flight.sqlite")]
     if flights:

@@ -81,7 +81,6 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
     """Check typed rows.
 
     Returns: the tags; none of them when there is any fault.
-    Raises `UsageError`: it is no table at all: not a list of objects, or too long.
     """
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
@@ -132,7 +131,6 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
 
     `files`: text of each file by its name. TagTracker keeps tags and makers in two files, which
     go together.
-    Raises `UsageError`: a file cannot be read; the text says which line and why.
     """
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {

@@ -9,17 +9,19 @@ from typing import Any
 from starlette.requests import Request
 
 from uavrt.analysis.season import read_season
+from uavrt.computer.bench import FlightFacts, first_flight
 from uavrt.computer.finding import Finding
 from uavrt.config.loader import load_settings
+from uavrt.config.settings import RecordingSettings
 from uavrt.errors import CommandRefused, FormatError, LinkError, UsageError
 from uavrt.ground.link.actions import BUTTONS
+from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store import tag_table
 from uavrt.ground.store.coordinates import readout
 from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS
 from uavrt.ground.web.facts import change_facts, facts_in
-from uavrt.ground.web.first_flight import first_flight_findings, usual_noise_db
 from uavrt.ground.web.flight_api import FlightApi
 from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.motion_api import MotionApi
@@ -28,6 +30,7 @@ from uavrt.ground.web.routing import Answer, Row, json_body, json_object, page_o
 from uavrt.ground.web.serial_ports import serial_ports
 from uavrt.ground.web.tag_api import TagApi
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
 """What a page may ask that only looks on: to stop can be urgent, a mark harms nothing."""
@@ -76,9 +79,11 @@ class Api:
 
     async def first_flight(self, request: Request) -> Any:
         """The list before a first flight, each item with its remedy."""
-        library = self._session.library
-        noise_db = await asyncio.to_thread(usual_noise_db, self._vehicle, library)
-        findings = first_flight_findings(self._vehicle, noise_db)
+        library, keeper = self._session.library, self._vehicle.flight.keeper
+        live = None if keeper.ended else keeper.flight_id
+        number = self._vehicle.identity.system_id
+        noise_db = await asyncio.to_thread(library.usual_noise_db, number, but=live)
+        findings = _first_flight(self._vehicle, noise_db)
         if self._drone_settings is not None:
             findings += await asyncio.to_thread(_card_and_clock, self._drone_settings)
         return [asdict(finding) for finding in findings]
@@ -186,7 +191,7 @@ class Api:
             latitude = longitude = float("nan")
         if not (-90.0 <= latitude <= 90.0 and -360.0 <= longitude <= 360.0):
             raise FormatError("latitude_deg and longitude_deg must be a place on earth")
-        return readout(latitude, longitude).as_dict()
+        return asdict(readout(latitude, longitude))
 
     async def log(self, request: Request) -> Any:
         """The operator's log."""
@@ -195,6 +200,25 @@ class Api:
     async def season(self, request: Request) -> Any:
         """All flights on this computer in numbers, as `uavrt season` gives them."""
         return asdict(await asyncio.to_thread(read_season, self._session.library.directory))
+
+
+def _first_flight(vehicle: ServedVehicle, noise_db: float | None) -> list[Finding]:
+    """Judge whether all is ready for a first flight, with the noise of past ones."""
+    now_ns, watch, drone = vehicle.clock.now_ns(), vehicle.connection.watch, vehicle.drone
+    pose = watch.pose if watch else None
+    facts = FlightFacts(
+        tags=vehicle.store.chosen_tags,
+        state=drone.state,
+        heard=vehicle.connection.present(now_ns),
+        clock_off_s=None if drone.skew_ns is None else drone.skew_ns / NANOSECONDS_PER_SECOND,
+        pose_age_s=None if pose is None else (now_ns - pose.time_ns) / NANOSECONDS_PER_SECOND,
+        disk_free_mb=watch.disk_free_mb if watch else None,
+        disk_needed_mb=RecordingSettings().minimum_free_mb,
+        battery_percent=watch.battery_percent if watch else None,
+        battery_v=watch.battery_v if watch else None,
+        usual_noise_db=noise_db,
+    )
+    return first_flight(facts, drone.bench, now_ns)
 
 
 def _card_and_clock(drone_settings: Path) -> list[Finding]:

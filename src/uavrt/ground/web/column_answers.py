@@ -26,11 +26,9 @@ def chosen_columns(
 ) -> Response:
     """Answer with columns of little-endian float64.
 
-    `cells`: (len(columns), n).
     `columns`: their names; the quaternion's are ``quaternion_w`` and the three after it.
     `names`: those that are wanted, in the wanted order, between commas; ``yaw_deg`` may be
     among them. None: all of `columns`.
-    Raises `FormatError`: there is no such column.
     """
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}

@@ -31,9 +31,6 @@ def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
     """Get each way in: what it is, its text, and a picture for a phone's camera.
 
     None where the page is served to this computer only.
-
-    `served`: how the page is served.
-    `asked`: what the browser has asked for.
     """
     if served.host in LOOPBACK:
         return []

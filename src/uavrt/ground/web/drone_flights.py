@@ -13,10 +13,7 @@ from uavrt.ground.web.waterfalls import LiveWaterfall, recorded_picture, recordi
 
 
 class ExtraApi:
-    """Flights on the drone, and pictures of samples.
-
-    `session`: what is shown and commanded.
-    """
+    """Flights on the drone, and pictures of samples."""
 
     def __init__(self, session: GroundSession) -> None:
         self._session = session

@@ -22,10 +22,7 @@ TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
 
 
 class FleetApi:
-    """All vehicles of a ground station.
-
-    `fleet`: who serves them.
-    """
+    """All vehicles of a ground station."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet

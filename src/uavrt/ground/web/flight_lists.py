@@ -26,7 +26,6 @@ _ALL = 10**9
 class FlightListApi:
     """Flights by tag and day, some at a time.
 
-    `session`: whose flights they are.
     `worker`: reads the archive, which may be damaged or come from others.
     """
 

@@ -32,11 +32,7 @@ class IntegrationDesk:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Begin to judge a flight, or report how far that is.
-
-        `flight`: its directory, with the samples that it kept.
-        `dem`: elevation file or folder; empty: the ground is taken as level.
-        """
+        """Begin to judge a flight, or report how far that is; without `dem` on level ground."""
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_judged(flight, dem))

@@ -47,7 +47,6 @@ class MapDesk(Generic[Asked, Found]):
 
     `make`: makes what is asked for, and reports its steps.
     `record`: what a page gets of it.
-    `name`: of the thread.
     """
 
     def __init__(
@@ -63,7 +62,6 @@ class MapDesk(Generic[Asked, Found]):
     def answer(self, asked: Asked, *, again: bool = False) -> Record:
         """Report how far the map is, or what it shows; begin it if it is a new one.
 
-        `asked`: which map.
         `again`: the same was asked for before: it is not begun again when another page wanted
         another one meanwhile, or two pages would take it from each other for ever.
         """

@@ -35,11 +35,7 @@ class PageSettings(StationSettings):
 
 
 class PageStation(Station):
-    """The ground station with its page.
-
-    `settings`: what to do.
-    `show`: called with a dictionary for each event: ``event`` names it.
-    """
+    """The ground station with its page."""
 
     def __init__(self, settings: PageSettings, show: Callable[[dict[str, Any]], None]) -> None:
         super().__init__(settings, show)

@@ -23,10 +23,7 @@ FACTS = "report.toml"
 
 
 class Reporter:
-    """Makes reports, one at a time, and keeps them while nothing has changed.
-
-    `directory`: where reports are kept.
-    """
+    """Makes reports, one at a time, and keeps them while nothing has changed."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

@@ -14,10 +14,7 @@ from uavrt.messages import Tag
 
 
 class TagApi:
-    """The tags of one vehicle.
-
-    `worker`: reads what others made.
-    """
+    """The tags of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle, worker: ForeignWorker) -> None:
         self._vehicle, self._worker = vehicle, worker

@@ -134,10 +134,7 @@ def picture(
 
 
 class LiveWaterfall:
-    """The channel at a UDP port, drawn as it comes.
-
-    `show`: called with each new `Picture`, of a few columns, as a dictionary.
-    """
+    """The channel at a UDP port; `show` gets each new `Picture` as a dictionary."""
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
         self._show = show
@@ -166,10 +163,7 @@ class LiveWaterfall:
 
 
 class ChannelStream:
-    """Datagrams of a channel to columns of a picture; pure but for `show`.
-
-    `show`: called with each new `Picture` as a dictionary.
-    """
+    """Datagrams of a channel to columns of a picture; pure but for `show`."""
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
         self._show = show
