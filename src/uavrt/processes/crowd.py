@@ -19,7 +19,7 @@ Answers go after pulses, but use the link."""
 FILES_BURST, FILES_PER_S = 200, 100
 """Allowance of requests for files: a client that reads piece by piece gets 24 kB/s."""
 UNPROVEN_FILES_BURST, UNPROVEN_FILES_PER_S = 8, 1
-"""Allowance of requests without a proof while a drone with a key detects: its pulses go first."""
+"""Allowance of requests without a proof while a drone with a key detects: pulses go first."""
 
 
 class Crowd:
