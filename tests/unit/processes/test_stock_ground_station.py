@@ -118,7 +118,7 @@ class MissionBehind:
                 bay.settings, radio=replace(bay.settings.radio, center_frequency_hz=1.487e8)
             ),
             StateStore(Path(bay.settings.recording.directory)),
-            tell=lambda severity, text: bay.deliver(
+            notify=lambda severity, text: bay.deliver(
                 "status_text", StatusText(severity=severity, text=text)
             ),
             on_start=lambda flight: bay.deliver("flight", flight),
