@@ -40,7 +40,7 @@ class Clock:
         return time.monotonic_ns() + self.offset_ns
 
     def wall_correction_ns(self) -> int:
-        """How far the wall clock has moved away since the offset was fixed [ns]."""
+        """Correction of the wall clock since the offset was fixed [ns]."""
         return time.time_ns() - self.now_ns()
 
 

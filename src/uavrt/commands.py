@@ -330,7 +330,7 @@ COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }
-"""The same by the tunnel's number."""
+"""The table by the tunnel's number."""
 
 
 def outcome(state: SystemState, command: CommandName) -> Outcome:

@@ -49,7 +49,7 @@ class Logger:
     """Writes events: ``log.warning("samples lost", count=3)``."""
 
     def debug(self, event: str, **facts: Any) -> None:
-        """Log what only a developer wants to see."""
+        """Log details for developers."""
         self.log(logging.DEBUG, event, **facts)
 
     def info(self, event: str, **facts: Any) -> None:

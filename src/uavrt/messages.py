@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
-"""How sure a pulse is: below the threshold (seen by a track), above it, or part of a track.
+"""Certainty of a pulse: below the threshold (seen by a track), above it, or part of a track.
 *integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire."""
 
 _SAME_SENDER_HZ = 300.0
@@ -416,8 +416,8 @@ class Poses:
 
 
 STATION_COUNTER = "station_silent_s_"
-"""Begins the name of a count of the connection's health, which ends with a ground station's
-numbers: ``station_silent_s_255_190``, how long it has not been heard [s]."""
+"""Prefix of a count in the connection's health: a ground station's silence [s]. The station's
+numbers follow: ``station_silent_s_255_190``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -437,7 +437,7 @@ class Health:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessStatus:
-    """What the supervisor knows of one process."""
+    """The supervisor's record of one process."""
 
     process: str
     running: bool
@@ -696,9 +696,9 @@ class SearchNote:
     order_id: int
     event: Literal["begun", "decision", "found", "ended"]
     text: str
-    """In short, for the operator."""
+    """Short text for the operator."""
     reason: str
-    """With figures."""
+    """Reason, with figures."""
     elapsed_s: float
     latitude_deg: float
     """Place of the drone."""

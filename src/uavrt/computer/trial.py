@@ -36,7 +36,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """What must be there."""
+    """Signs of life that a working version shows."""
 
     heartbeat: bool
     poses: bool

@@ -32,7 +32,7 @@ COMPLETE = ".complete"
 
 @dataclass(frozen=True, slots=True)
 class Installation:
-    """Where the versions are."""
+    """Directory of the versions, and its links."""
 
     prefix: Path
 
@@ -61,7 +61,7 @@ class Installation:
         return self.prefix / "update-keys.pem"
 
     def version_directory(self, name: str) -> Path:
-        """Where a version lies."""
+        """Directory of a version."""
         return self.prefix / "versions" / name
 
     def current(self) -> Path:

@@ -93,12 +93,12 @@ class Channelizer:
             turns = np.outer(self._selection, np.arange(channels)) % channels / channels
             self._matrix = np.exp(-2j * np.pi * turns).astype(np.complex64)
         self._folded = np.empty((0, 2 * channels), dtype=np.float32)
-        """For NumPy; made when it is first needed."""
+        """Buffer for NumPy; made when it is first needed."""
         turns = np.arange(channels) / channels
         self._turns = np.exp(-2j * np.pi * turns).astype(np.complex64)
         self._chosen = self._selection.astype(np.int32)
         self._work = np.empty(0, dtype=np.float32)
-        """For the compiled kernel."""
+        """Buffer for the compiled kernel."""
         self.reset()
 
     @property

@@ -26,7 +26,7 @@ _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
 
 
 class ClippedTimes:
-    """When samples were at the limits, for the last seconds."""
+    """Times of clipped samples in the last seconds."""
 
     def __init__(self) -> None:
         self._stretches: deque[tuple[int, int]] = deque()

@@ -79,7 +79,7 @@ class Decimator:
         self._reach = -(-((taps.size - 1) // factor) // self._starts)
         self._pass = max(128, PASS_SAMPLES // (self._starts * factor))
         self._parts = np.empty((0, self._matrix.shape[1]), dtype=np.complex64)
-        """For NumPy; made when it is first needed."""
+        """Buffer for NumPy; made when it is first needed."""
         self._pairs = np.repeat(taps[::-1], 2).astype(np.float32)
         self.reset()
 

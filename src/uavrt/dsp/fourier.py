@@ -38,7 +38,7 @@ def transform_columns(
 
 @lru_cache(maxsize=1)
 def column_transform() -> Transform:
-    """Find the fastest that there is."""
+    """Find the fastest available transform."""
     try:
         module = _load(_extension())
     except (ImportError, AttributeError, TypeError, ValueError, RuntimeError, OSError):
@@ -54,7 +54,7 @@ def column_transform() -> Transform:
 
 
 def public_transform() -> Transform:
-    """The same by SciPy's documented function."""
+    """Fourier transform of each column by SciPy's documented function."""
     import scipy.fft
 
     def transform(
@@ -66,10 +66,7 @@ def public_transform() -> Transform:
 
 
 def _extension() -> ModuleSpec:
-    """Where SciPy keeps its pocketfft.
-
-    Raises `ImportError`: not where it has been since SciPy 1.4.
-    """
+    """Path of SciPy's pocketfft; raises `ImportError` if it is not there."""
     package = importlib.util.find_spec("scipy")
     for folder in (package.submodule_search_locations or ()) if package else ():
         for suffix in EXTENSION_SUFFIXES:

@@ -9,7 +9,7 @@ from uavrt.dsp.filters import CLEAN_FRACTION
 from uavrt.errors import TunerError, UsageError
 
 CHANNEL_SPACING_HZ = 3750.0
-"""What the thesis uses (375 kHz / 100); ours is as near as small prime factors allow."""
+"""Spacing of the thesis (375 kHz / 100); ours is as near as small prime factors allow."""
 
 NARROWEST_BAND_HZ = 375_000.0
 """The decimator brings the rate down to the least that is not below this."""
@@ -87,7 +87,7 @@ def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndPlan:
-    """How the front end is set up."""
+    """Settings of the front end."""
 
     mode: Literal["default", "compatible"]
     sample_rate_hz: float

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunerPlan:
-    """A radio frequency and what it means for each tag, in the order given."""
+    """A radio frequency and its effect on each tag, in the order given."""
 
     center_frequency_hz: float
     channels: tuple[int, ...]
@@ -44,20 +44,20 @@ class TunerPlan:
     offsets_hz: tuple[float, ...]
     """Tag frequency minus its channel's centre."""
     near_edge: tuple[bool, ...]
-    """In the outer 7.5 % of the channel"""
+    """Whether each tag is in the outer 7.5 % of its channel."""
     shares_channel: bool
-    """Two tags or more in one channel."""
+    """Whether each tag shares its channel with another."""
     image_pairs: tuple[tuple[int, int], ...]
     """Places (in the order given) of tags that lie on each other's mirror image."""
     band_rate_hz: float
     channel_count: int
     warnings: tuple[str, ...]
-    """What could not be avoided, in words for the operator."""
+    """Guards that could not be kept, in words for the operator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompatibleCost:
-    """What the original minimises, in this order."""
+    """Costs that the original minimises, in this order."""
 
     tags_per_channel: Floats
     """(candidates,) mean over the occupied channels."""

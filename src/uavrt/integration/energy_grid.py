@@ -176,7 +176,7 @@ def _joined_singles(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotLayout:
-    """How a tag's slots lie over the samples of its channel."""
+    """Layout of a tag's slots over the samples of its channel."""
 
     grid: Grid
     columns_per_slot: int

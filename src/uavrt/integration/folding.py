@@ -93,10 +93,10 @@ def highest(
 
 
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
-    """Get the slots whose sum a cell of a fold is.
+    """Slots whose sum is a cell of a fold.
 
-    `slots`: that were folded.
-    `period`, `row`, `phase`: base period [slots], row of the fold and phase [slots].
+    `slots`: that were folded. `period`, `row`, `phase`: base period [slots], row of the fold
+    and phase [slots].
     """
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1

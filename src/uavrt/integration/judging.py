@@ -30,7 +30,7 @@ from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 _BETTER = 3.0
 """Log of the factor by which another train must be less likely by chance to explain one."""
 _SHORTEST, _LONGEST = 0.3, 3.2
-"""Of the interval found."""
+"""Range of other intervals searched, relative to the one found."""
 _SMALL = 3
 _SAME = 0.01
 _MOST_OTHERS = 4

@@ -399,7 +399,7 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
 def _gains_anywhere(
     heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]
 ) -> list[_Floats]:
-    """As `common_gains`, for places that are not among the flights' own."""
+    """Gains, as `common_gains`, of places that are not among the flights' own."""
     each_db = [one.places.track.gain_db(*east_north_m) for one in heard]
     strongest_db = np.max([gain_db.max(axis=1) for gain_db in each_db], axis=0)
     return [10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0) for gain_db in each_db]

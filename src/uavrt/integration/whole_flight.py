@@ -36,8 +36,8 @@ KEPT_VARIANCE = 0.995
 FEW_PATTERNS = 8
 """Number of patterns, as where the drone turns in place, folded for all places at once."""
 _COARSE_VARIANCE, _COARSE_ALIKE = 0.90, 0.85
-"""Of the patterns and places by which cells are chosen that are then looked at in full: three
-times fewer of both. A train of 7 standard deviations has 5.6 there at the worst place."""
+"""Variance and correlation for the patterns and places that choose cells to examine in full:
+three times fewer of both. A train of 7 standard deviations has 5.6 there at the worst place."""
 _LOOKED_AT = 400
 """Cells examined in full, of tens of thousands that are each the best of a place, frequency and
 period. In twenty minutes of noise the last of them has 5.0 to 5.4 standard deviations."""

@@ -198,7 +198,7 @@ class ChannelReceiver:
 
 
 def _pieces(datagram: bytes) -> list[int]:
-    """Where the blocks of a datagram begin; none if it is not made of blocks."""
+    """Offsets of a datagram's blocks; none if it is not made of blocks."""
     if len(datagram) < ENVELOPE.size:
         return []
     places = []
@@ -215,7 +215,7 @@ def _pieces(datagram: bytes) -> list[int]:
 
 
 def _begin(datagram: bytes) -> int:
-    """Where the first block begins."""
+    """Offset of the first block."""
     clipped: int
     carriers: int
     _, _, clipped, carriers = ENVELOPE.unpack_from(datagram)

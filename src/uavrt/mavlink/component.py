@@ -45,8 +45,8 @@ REBOOT_FALL_MS = 1000
 
 
 ANSWERS_BURST, ANSWERS_PER_S = 24, 4
-"""Answers to others than the autopilot: pings once a second of a few stations, and what a
-ground station asks when it connects."""
+"""Allowance of answers to peers other than the autopilot: pings once a second of a few
+stations, and the requests of a ground station that connects."""
 
 ParameterEncoding = Literal["auto", "bytewise", "c_cast", "float"]
 

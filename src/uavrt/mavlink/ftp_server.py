@@ -489,7 +489,7 @@ class FileServer:
 
 
 def _nothing(result: object) -> None:
-    """After a file was closed."""
+    """Do nothing after a file was closed."""
 
 
 class FilesOnLink:

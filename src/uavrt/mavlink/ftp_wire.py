@@ -62,7 +62,7 @@ WRITING = frozenset(
         Opcode.RENAME,
     }
 )
-"""What would change a file."""
+"""Requests that would change a file."""
 
 
 class FtpError(IntEnum):

@@ -48,7 +48,7 @@ class Message:
 
 
 def text_of(field: bytes) -> str:
-    """Text of a char array, up to the first NUL; what is no UTF-8 becomes a mark."""
+    """Text of a char array, up to the first NUL; invalid UTF-8 becomes a mark."""
     return field.split(b"\0", 1)[0].decode("utf-8", errors="replace")
 
 

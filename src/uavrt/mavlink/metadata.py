@@ -24,7 +24,7 @@ class Metadata:
     """The files, and the COMPONENT_METADATA for the first."""
 
     files: Mapping[str, bytes]
-    """By path, for `uavrt.mavlink.ftp_files.FileTree`."""
+    """Files by path, for `uavrt.mavlink.ftp_files.FileTree`."""
     uri: str
     crc: int
 

@@ -97,7 +97,7 @@ def encode_value(value: float, kind: int, bytewise: bool) -> float:
 
 
 def decode_value(field: float, kind: int, bytewise: bool) -> float | None:
-    """Read a value from the float field; None for a type of 64 bits, or what is no number."""
+    """Read a value from the float field; None for a type of 64 bits, or no number."""
     if kind == MavParamType.REAL32 or not bytewise:
         return field if math.isfinite(field) else None
     layout = _FORMATS.get(kind)

@@ -25,7 +25,7 @@ log = get_logger()
 
 READ_SIZE = 4096
 BITS_PER_BYTE = 10
-"""On a serial line, start and stop bit included."""
+"""Bits of a byte on a serial line, with start and stop bit."""
 SERIAL_PENDING = 2048
 """Most bytes waiting for a serial port: 0.36 s at 57 600 baud."""
 SIOCOUTQ = 0x5411

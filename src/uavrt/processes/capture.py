@@ -110,7 +110,7 @@ class Capture:
         self._recorder.close()
 
     def counters(self) -> Mapping[str, float]:
-        """Count what was recorded and lost."""
+        """Counts of samples recorded and lost."""
         return {
             "samples_lost": self._lost,
             "radio_failures": self.failures,

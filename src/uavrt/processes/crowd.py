@@ -10,16 +10,16 @@ Place = tuple[int, int]
 """System and component id."""
 
 OWN_BURST, OWN_PER_S = 400, 50
-"""A hundred tags sent three times over, receipts seven times a second."""
+"""Allowance of the commander: a hundred tags three times, seven receipts a second."""
 OTHERS_BURST, OTHERS_PER_S = 120, 60
-"""What is not answered: receipts of eight stations."""
+"""Allowance of all others for messages without an answer: receipts of eight stations."""
 QUESTIONS_BURST, QUESTIONS_PER_S = 12, 1
-"""What is answered: the beginning of an upload, or a list of the parameters. Answers go after
-pulses, but they take of the link."""
+"""Allowance of messages with an answer: the beginning of an upload, a list of the parameters.
+Answers go after pulses, but use the link."""
 FILES_BURST, FILES_PER_S = 200, 100
-"""Requests for files: a client that reads piece by piece gets 24 kB/s."""
+"""Allowance of requests for files: a client that reads piece by piece gets 24 kB/s."""
 UNPROVEN_FILES_BURST, UNPROVEN_FILES_PER_S = 8, 1
-"""Requests for files without a proof while a drone with a key detects: its pulses go first."""
+"""Allowance of requests without a proof while a drone with a key detects: pulses go first."""
 
 
 class Crowd:

@@ -1,4 +1,4 @@
-"""A text when a tag is heard for the first time in a flight, and when it is heard again."""
+"""Texts when a tag is received for the first time in a flight, and when it is found again."""
 
 from collections.abc import Iterable, Mapping
 

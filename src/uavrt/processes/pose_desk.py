@@ -83,7 +83,7 @@ class PoseDesk:
 
     @property
     def is_own(self) -> bool:
-        """Whether the station knows its pose without an autopilot."""
+        """Whether the station has its pose without an autopilot."""
         return self._own is not None
 
     async def run(self) -> None:

@@ -100,7 +100,7 @@ class LiveSource:
 
     @property
     def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of what is received [Hz]."""
+        """Radio frequency at the middle of the received band [Hz]."""
         return self._center_hz
 
     @property

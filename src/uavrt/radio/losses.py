@@ -49,7 +49,7 @@ _QUIET_S: Final = 1.0
 _EVIDENCE: Final = 14.0
 """Logarithm of the odds against jitter: 1 in 10⁶ of 40 mostly dependent stretches a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""The same odds within `_KNOWN_S` of a loss."""
+"""Logarithm of the odds against jitter within `_KNOWN_S` of a loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
 """Smallest lateness above the jitter that counts as a loss [s]; the crystal drifts by less."""
@@ -83,7 +83,7 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Where the late arrivals begin [nominal seconds]."""
+    """Start of the late arrivals [nominal seconds]."""
     sharp: bool
     """Whether it came within half a second: a step, not a drift."""
     inside_s: float
@@ -130,7 +130,7 @@ class LossFinder:
         self._lowest_s = math.inf
         self._newest_at_s = 0.0
         self._late_from_s: float | None = None
-        """Where the present late arrivals begin [nominal seconds]; None if not late."""
+        """Start of the present late arrivals [nominal seconds]; None if not late."""
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()

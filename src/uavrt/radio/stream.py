@@ -220,7 +220,7 @@ def _enlarge_pipe(descriptor: int) -> int:
 
 
 def _waiting_bytes(descriptor: int) -> int:
-    """How many bytes can be read at once."""
+    """Number of bytes that can be read at once."""
     import fcntl
     import termios
 

@@ -36,7 +36,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""What writers leave in the data chunk's size when they stream or are killed."""
+"""Sizes that writers put into the data chunk when they stream or are killed."""
 
 _MOST_READ = 1 << 16
 """Most bytes read of a chunk; the longest are those with XML, some thousand."""

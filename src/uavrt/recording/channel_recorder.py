@@ -95,7 +95,7 @@ class _Channel:
     number: int = 0
     file: SampleFile | None = None
     widened: bool = False
-    """Whether the piece's scale is wider than its noise asks for."""
+    """Whether the piece's scale is wider than its noise requires."""
 
 
 class ChannelRecorder:
@@ -398,7 +398,7 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Bits and full scale of a new piece; whether it is wider than its noise asks for."""
+    """Bits and full scale of a new piece; whether it is wider than its noise requires."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

@@ -137,7 +137,7 @@ class FlightFold:
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000
-"""Of a flight, and of a tag's fold: some 30 rows of some hundred columns."""
+"""Limits of a flight's tags, and of a fold's cells: some 30 rows of some hundred columns."""
 _LARGEST = sys.float_info.max
 _DAMAGED = (OSError, ValueError, TypeError, ArithmeticError, RecursionError)
 T = TypeVar("T")

@@ -64,12 +64,12 @@ class FlightLayout:
 
     @property
     def iq_directory(self) -> Path:
-        """Where samples are recorded."""
+        """Directory of recorded samples."""
         return self.root / "iq"
 
     @property
     def channels_directory(self) -> Path:
-        """Where the samples of the tags' channels are kept."""
+        """Directory of the samples of the tags' channels."""
         return self.iq_directory / "channels"
 
     @property

@@ -30,8 +30,9 @@ from uavrt.messages import (
 from uavrt.recording.fields import SQL_TYPES, fields_of
 
 VERSION = 6
-"""2: pulses say what is in doubt about them; 3: searches are noted; 4: coded tags; 5: search
-reports hold the usable share of the time and the weakest tag; 6: what beeps."""
+"""Version of the tables. 2: pulses say what is in doubt about them; 3: searches are noted; 4:
+coded tags; 5: search reports hold the usable share of the time and the weakest tag; 6: beeping
+senders."""
 SEARCH_REPORT_COLUMNS = (
     "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
 )

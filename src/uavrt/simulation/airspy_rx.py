@@ -75,7 +75,7 @@ class ArgumentFault(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arguments:
-    """What the command line asks for."""
+    """Values of the command line."""
 
     world: Path
     output: str

@@ -82,7 +82,7 @@ def _progress(time_share: float, ease: float) -> tuple[float, float, float]:
 
 
 def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> float:
-    """Gusts as three sines below 1.1 Hz, none on the ground; standard deviation as asked."""
+    """Gusts as three sines below 1.1 Hz of a given standard deviation, none on the ground."""
     sines = sum(
         math.sin(2 * math.pi * frequency * elapsed_s + phase * (number + 1))
         for number, frequency in enumerate((0.23, 0.57, 1.03))

@@ -97,7 +97,7 @@ class Flown:
         return changed
 
     def pose(self, time_ns: int) -> Pose:
-        """Pose of the newest step, with the time asked for."""
+        """Pose of the newest step, with the requested time."""
         vehicle = self.vehicle
         latitude, longitude = vehicle.latitude_longitude()
         height = vehicle.body.shown_height_m

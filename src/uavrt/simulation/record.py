@@ -1,4 +1,4 @@
-"""What all records of a scenario file share."""
+"""Base of all records of a scenario file."""
 
 from typing import Any, ClassVar
 

@@ -22,7 +22,7 @@ from uavrt.simulation.relief import Terrain
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
 Carrier = Annotated[float, Ge(MIN_FREQUENCY_HZ), Le(MAX_FREQUENCY_HZ)]
-"""As tag files have it: megahertz written for hertz are refused."""
+"""Carrier frequency as in tag files: megahertz written for hertz are refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,7 +107,7 @@ class StartDetectionG2(Asking):
     dump_spectrogram: int = 0
 
     def asked(self, command: Command) -> Command:
-        """Fill in what it asks."""
+        """Fill in the values of a command."""
         return self.start.asked(command)
 
     def encode(self) -> bytes:
@@ -205,7 +205,7 @@ class HeartbeatG2v1(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeartbeatG2(Fixed):
-    """The same from version 4 on."""
+    """State of the drone side, from version 4 on."""
 
     COMMAND: ClassVar = CommandId.HEARTBEAT
     LAYOUT: ClassVar = struct.Struct("<I4xIHHf")
@@ -284,7 +284,7 @@ Messages = (
 Requests = BareG2 | UploadG2 | TagG2 | StartDetectionG2 | RawCaptureG2 | SetLogLevel
 """Messages of a ground station from version 4 on."""
 INFERRED = (TagG2, StartDetectionG2, RawCaptureG2, SetLogLevel)
-"""Those with an inferred layout."""
+"""Messages of a ground station with an inferred layout."""
 DECODERS: Decoders = {
     **decoders_by_length("G2", 8, BareG2.decode),
     (CommandId.START_TAGS, 16): UploadG2.decode,

@@ -138,6 +138,6 @@ class Layout:
 
 
 def _values(kind: str) -> int:
-    """How many values a format of `struct` has."""
+    """Number of values in a format of `struct`."""
     layout = struct.Struct(f"<{kind}")
     return len(layout.unpack(bytes(layout.size)))

@@ -241,7 +241,7 @@ class ReliableSender(Generic[T]):
         }
 
     def room(self, store: int) -> int:
-        """How many pulses from disk may be given for a store."""
+        """Number of pulses from disk that may be added for a store."""
         known = self._stores.get(store)
         most = CAPACITY if known is None or known.acknowledges else MOST_PROBES
         return min(most, CAPACITY - len(self._entries))

@@ -64,7 +64,7 @@ class Asking:
     COMMAND: ClassVar[CommandId]
 
     def asked(self, command: Command) -> Command:
-        """Fill in what it asks."""
+        """Fill in the values of a command."""
         raise NotImplementedError
 
 

@@ -77,7 +77,7 @@ _REMEDY = "Rows of a TagTracker pulse CSV begin with 7, 10, 11 or 20"
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """What the cells of the rows 7 mean; the offset may stand behind the attitude."""
+    """Meaning of the cells of rows 7; the offset may follow the attitude."""
 
     noise: bool
     quaternion: bool
@@ -103,7 +103,7 @@ class _Layout:
         return not self.quaternion or abs(length - 1.0) < _NORM_TOLERANCE
 
     def attitude(self, cells: Sequence[str]) -> list[float]:
-        """Quaternion or angles as they stand; NaN for what is not known."""
+        """Quaternion or angles as they stand; NaN for unknown ones."""
         return [number_or_nan(cell) for cell in cells[15 + self.noise : self.least_columns]]
 
     def offset_deg(self, cells: Sequence[str]) -> float:
@@ -208,7 +208,7 @@ def _zero_for_nan(value: float) -> float:
 
 
 def _six(value: float) -> str:
-    """Six decimals; what is not known is the original's own placeholder."""
+    """Six decimals; the original's own placeholder for unknown values."""
     return f"{PLACEHOLDER_DB if math.isnan(value) else value:.6f}"
 
 

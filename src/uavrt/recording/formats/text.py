@@ -1,4 +1,4 @@
-"""Lines, numbers and times of text files; what is wrong is refused with its line."""
+"""Lines, numbers and times of text files; faults are refused with their line."""
 
 import math
 import os

@@ -21,7 +21,7 @@ class RestartPolicy:
 
 
 SOON = RestartPolicy()
-"""At once, for processes that a flight needs."""
+"""Restart at once, for processes that a flight needs."""
 
 
 @dataclass(slots=True)
