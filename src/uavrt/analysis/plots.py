@@ -350,7 +350,6 @@ def _time_axis(axes: "Axes", waterfall: Waterfall) -> None:
 
 
 def _date(time_ns: int) -> float:
-    """Days since 1970, matplotlib's time."""
     return time_ns / NANOSECONDS_PER_SECOND / 86_400
 
 

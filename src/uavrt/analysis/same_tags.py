@@ -53,8 +53,6 @@ class SameTags:
 
 @dataclass(slots=True, kw_only=True)
 class _Group:
-    """Appearances of one tag in several logs."""
-
     tag_id: int
     frequency_hz: float
     """NaN where unknown."""
@@ -63,8 +61,6 @@ class _Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Heard:
-    """A tag in one log."""
-
     log: int
     tag_id: int
     frequency_hz: float

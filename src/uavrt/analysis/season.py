@@ -103,7 +103,6 @@ _Animal = tuple[int, int]
 
 
 def _minutes(flight: CopiesOfFlight) -> float:
-    """Duration of the longest copy."""
     longest = max(one.end_time_ns - one.info.start_time_ns for one in flight)
     return longest / NANOSECONDS_PER_SECOND / 60.0
 

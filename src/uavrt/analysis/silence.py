@@ -401,7 +401,6 @@ def around_in_words(around: SilentAround) -> str:
 
 
 def _rounded_down(metres: float) -> float:
-    """Round down to two digits."""
     step = 10.0 ** max(0, math.floor(math.log10(max(metres, 1.0))) - 1)
     return math.floor(metres / step) * step
 

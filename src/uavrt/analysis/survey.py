@@ -259,7 +259,6 @@ def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimate
 
 
 def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
-    """Add the other records of a flight directory."""
     warnings = list(survey.warnings)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
@@ -300,7 +299,6 @@ def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
 
 
 def _on_earth(poses: Iterable[Pose | None]) -> tuple[Pose, ...]:
-    """Poses with a place, in order; one for each time."""
     found = {
         pose.time_ns: pose
         for pose in poses

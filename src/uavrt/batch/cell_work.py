@@ -178,5 +178,4 @@ def _counts(cell: Cell, pulse: Pulse) -> bool:
 
 
 def _plain(value: np.generic) -> object:
-    """Convert a numpy number to a Python number."""
     return value.item()

@@ -251,7 +251,6 @@ def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], f
 def _located(
     task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose], antenna: str
 ) -> tuple[Sequence[TagBearing], Sequence[TagPosition]]:
-    """Estimate as in `uavrt localize`."""
     localize = "localize" in task.steps
     if antenna == MONOPOLE and not localize:
         return [], []
@@ -268,7 +267,6 @@ def _located(
 
 
 def _antenna(task: FlightTask, flight: Flight | None) -> str:
-    """Name of the requested pattern, else of the drone's own."""
     if task.settings.antenna is None:
         return USUAL_ANTENNA if flight is None else flight_antenna(flight)
     return _asked_antenna(task.settings.antenna)
@@ -276,13 +274,11 @@ def _antenna(task: FlightTask, flight: Flight | None) -> str:
 
 @lru_cache(maxsize=16)
 def _asked_antenna(text: str) -> str:
-    """Register an antenna file once in each process."""
     return text if text == MONOPOLE else antenna_named(text)
 
 
 @lru_cache(maxsize=4)
 def _elevation(dem: str | None, sea: bool) -> Elevation | None:
-    """Open the elevation files once in each process."""
     return None if dem is None else open_elevation(Path(dem), sea=sea)
 
 

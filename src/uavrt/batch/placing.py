@@ -275,7 +275,6 @@ def _planned(
 
 
 def _with_kept(row: FlightRow, before: FlightRow, kept: Collection[str]) -> FlightRow:
-    """Add the kept results of the earlier row to a new one."""
     if "bearing" in kept:
         row = replace(row, fault=before.fault, bearings=before.bearings)
     if "localize" in kept:

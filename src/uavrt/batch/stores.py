@@ -51,7 +51,6 @@ def list_store(url: str) -> tuple[str, ...]:
 
 
 def _below(system: Any, path: str, url: str) -> list[str]:
-    """Files of a folder and its subfolders."""
     if "http" not in system.protocol:
         return list(system.find(path))
     # A web server may answer any path with a list, and so without end.
@@ -230,7 +229,6 @@ def _asked(url: str) -> Iterator[None]:
 
 @contextmanager
 def _named(url: str, copy: str) -> Iterator[None]:
-    """Name the file in the store, not its copy, in errors."""
     try:
         yield
     except FormatError as error:

@@ -137,7 +137,6 @@ class _Codes:
 
 
 def _are_same(one: _Code, other: _Code) -> bool:
-    """Compare codes with equal numbers of gaps."""
     return (
         abs(one.frequency_khz - other.frequency_khz) < _SAME_KHZ
         and abs(one.interval_ms - other.interval_ms) < BURST_TOLERANCE_MS

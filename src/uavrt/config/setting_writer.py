@@ -131,5 +131,4 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
 
 
 def _without_empty(document: dict[str, Any]) -> dict[str, Any]:
-    """Leave out tables without keys."""
     return {name: value for name, value in document.items() if value != {}}

@@ -127,8 +127,6 @@ class Among:
 
 @dataclass(slots=True)
 class _Seen:
-    """Reports of the drone side so far."""
-
     notes: list[SearchNote] = field(default_factory=list)
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
     """With the time, during the search."""

@@ -254,7 +254,6 @@ def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
 
 
 def _whole_log(tag_id: int, pulses: PulseColumns, poses: PoseColumns) -> HeardInTurn:
-    """All pulses of a tag as those of one turn."""
     yaw = np.unwrap(poses.yaw_deg, period=360.0)
     turn = Turn(
         start_time_ns=int(poses.time_ns[0]),

@@ -492,7 +492,6 @@ def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _thinned(poses: PoseColumns) -> PoseColumns:
-    """First pose of each step of `POSE_STEP_NS`."""
     if not len(poses.time_ns):
         return poses
     slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS

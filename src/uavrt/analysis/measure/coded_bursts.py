@@ -145,7 +145,6 @@ class BurstPulses:
             self._push(self._cells)
 
     def _push(self, cells: Cells) -> None:
-        """Transform a second of samples, or the remainder."""
         if count := cells.push(self._held[: round(self._rate_hz)]):
             energy = cells.recent[:, -count:]
             most = energy.max(axis=0)
@@ -164,7 +163,6 @@ class BurstPulses:
 
 
 def _starts(energies: NDArray[np.float32], cells: Cells) -> NDArray[np.float64]:
-    """Times of the peaks of pulse energy [s]."""
     energy = energies.astype(np.float64)
     reach = cells.pulse
     tall = np.lib.stride_tricks.sliding_window_view(np.pad(energy, reach), 2 * reach + 1)

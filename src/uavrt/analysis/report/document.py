@@ -56,8 +56,6 @@ def pdf_document(survey: Survey) -> bytes:
 
 
 class _Book:
-    """Pages of the PDF, in order."""
-
     def __init__(self, pages: "PdfPages", survey: Survey) -> None:
         self._pages = pages
         self._survey = survey
@@ -212,7 +210,6 @@ class _Writer:
 
     @property
     def left(self) -> float:
-        """Room left on the page, as a share of its height."""
         return self.top - _BOTTOM
 
     def text(

@@ -150,7 +150,6 @@ def _what(survey: Survey, tag_id: int) -> str:
 
 
 def _remarks(verdict: IntegratedVerdict) -> list[str]:
-    """Limitations of a verdict, as a sentence."""
     text = verdict.remarks
     return [f"{text[:1].upper()}{text[1:]}."] if text else []
 
@@ -356,7 +355,6 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
 
 
 def _way(survey: Survey, position: Position) -> list[str]:
-    """First and intermediate places of a moving tag."""
     if len(position.track) < 2:
         return []
     places = [
@@ -369,7 +367,6 @@ def _way(survey: Survey, position: Position) -> list[str]:
 
 
 def _caveat(survey: Survey, tag_id: int) -> str:
-    """Caveats of a position that come from its bearings."""
     bearings = survey.bearings_of(tag_id)
     doubts = Counter(text for one in bearings for text in one.bearing.remarks)
     many = _count(len(bearings), "bearing")

@@ -87,7 +87,6 @@ def read_dataflash(path: Path) -> VehicleTrack:
 def _states(
     rows: list[_Row], states: Mapping[int, bool], offset_ns: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns] and states of some events."""
     return [
         (offset_ns + round(row["TimeUS"] * 1e3), states[int(row["Id"])])
         for row in rows

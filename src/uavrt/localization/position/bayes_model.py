@@ -274,7 +274,6 @@ def _length_m(east_m: _Floats, north_m: _Floats) -> float:
 
 
 def _area(tracks: list[tuple[_Floats, _Floats]], margin_m: float) -> Area:
-    """Rectangle around some tracks, with a margin."""
     east = np.concatenate([one[0] for one in tracks])
     north = np.concatenate([one[1] for one in tracks])
     return Area(

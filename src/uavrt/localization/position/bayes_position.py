@@ -108,7 +108,6 @@ def bayes_position(
 
 
 def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
-    """Cautions on gaps of the elevation files."""
     notes = () if known.hills is None else known.hills.cautions()
     return tuple(Caution(name="ground", text=text) for text in notes)
 
@@ -201,7 +200,6 @@ class _Agreement:
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
     def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
-        """Cautions on the bearings."""
         outliers = () if doubts is None else doubts.outlier_probabilities
         if self.reported is None:
             return cautions_of_outliers(outliers) + self.unchecked

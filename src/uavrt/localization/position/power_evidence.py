@@ -371,6 +371,5 @@ class _Sums:
         )
 
     def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:
-        """(places,) level and exponent."""
         level, exponent, _, _ = self._regressed(rho)
         return level, exponent

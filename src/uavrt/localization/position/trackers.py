@@ -182,8 +182,6 @@ class Spread:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Particles:
-    """Hypotheses of a tag's place, motion and strength."""
-
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
@@ -614,7 +612,6 @@ class ParticleTracker:
             self._spread_out()
 
     def _spread_out(self) -> None:
-        """Resample where few hypotheses hold nearly all of the weight."""
         if 1.0 / float(self._weight @ self._weight) < self._count / 2:
             self._state = self._resampled(self._count)
             self._even()
