@@ -37,7 +37,6 @@ class SameTags:
     keys: tuple[Mapping[int, int], ...]
     """For each log: keys by the log's own tag number."""
     tags: Mapping[int, NamedTag]
-    """Tags by key."""
     warnings: tuple[str, ...]
 
     def keyed(self, number: int, pulse_poses: Iterable[PulsePose]) -> tuple[PulsePose, ...]:

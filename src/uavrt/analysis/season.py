@@ -27,10 +27,8 @@ class AnimalOfSeason:
     name: str | None
     frequency_hz: float
     flights: int
-    """Flights that searched for it."""
     flights_heard: int
     minutes: float
-    """Total duration of these flights."""
     minutes_to_hear: float | None
     """Mean time from the start to its first pulse, over flights that heard it."""
     pulses: int

@@ -87,21 +87,16 @@ class Survey:
     health: tuple[Health, ...] = ()
     search_reports: tuple[SearchReport, ...] = ()
     beeps: tuple[Beep, ...] = ()
-    """Received signals, listed or not."""
     search_notes: tuple[SearchNote, ...] = ()
-    """Log entries of autonomous searches."""
     status_texts: tuple[tuple[int, StatusText], ...] = ()
     notes: tuple[tuple[int, str], ...] = ()
     integrated: tuple[PulsePose, ...] = ()
     """Pulses found by ``uavrt integrate``; not used for bearings or positions."""
     verdicts: tuple[IntegratedVerdict, ...] = ()
-    """Results of ``uavrt integrate`` for each tag."""
     folds: tuple[FlightFold, ...] = ()
-    """Folds of the tags that it judged."""
     silences: "tuple[SilentMap, ...]" = ()
     """Coverage maps, where the tag's power was given."""
     facts: Facts = field(default_factory=Facts)
-    """Contents of the flight's report.toml."""
     maps: tuple[MapFile, ...] = ()
     """Map files for the background of a report."""
 

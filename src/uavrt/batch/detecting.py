@@ -45,7 +45,6 @@ class _Job:
     key: str
     facts: _Facts
     cells: int = 0
-    """Number of cells in all."""
     results: list[CellResult] = field(default_factory=list)
 
 

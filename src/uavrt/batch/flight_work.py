@@ -37,7 +37,6 @@ from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.elevation_files import open_elevation
 
 _OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
-"""Columns of a moving tag's path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +76,6 @@ class Searched:
 
     recording: str
     file: Path
-    """Parquet file of the pulses."""
     pulses: tuple[Pulse, ...] = ()
     """The pulses, loaded before a worker receives the task."""
 
@@ -96,7 +94,6 @@ class FlightResult:
     """Pulses recorded by the flight itself, when no recording of it was searched."""
     start_time_ns: int | None = None
     antenna: str = ""
-    """Name of the antenna pattern used."""
     pulses: int = 0
     poses: tuple[PoseRow, ...] = ()
     clock_offset_s: float | None = None
@@ -119,7 +116,6 @@ class FlightTask:
     """Empty: use the pulses that the flight recorded itself."""
     tags: tuple[Tag, ...]
     track: Path | None
-    """Track of a recording without a flight."""
     clock_offset_s: float | None
     """Offset of its clock ahead of the track's; None: estimate it."""
     steps: tuple[str, ...]

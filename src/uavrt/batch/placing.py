@@ -237,7 +237,6 @@ class _Plan:
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]
-    """Steps kept from before."""
 
     def keys_with(self, antenna: str) -> dict[str, str]:
         """Keys of the steps for the antenna that was used."""

@@ -23,9 +23,7 @@ BLOCK_BYTES = 8 << 20
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
-"""Most nested folders on a web server."""
 MOST_LINKS = 200_000
-"""Most links on all its lists."""
 _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
 _META, _DATA = ".sigmf-meta", ".sigmf-data"
 

@@ -276,9 +276,7 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
 class _Asked:
     recording: Path | None
     opened: dict[str, Any]
-    """Options for opening a recording."""
     remarks: tuple[str, ...]
-    """Remarks on data that a track does not contain."""
     how: "JudgeAs"
     moves: bool
     tag_power_dbm: float

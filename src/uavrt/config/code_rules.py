@@ -19,7 +19,6 @@ MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
 CODED_K = 10
-"""Most bursts summed."""
 GAP_TOLERANCE_S = 1.5e-3
 """Tolerance of all gaps of a burst together [s]."""
 BURST_TOLERANCE_MS = 4.0

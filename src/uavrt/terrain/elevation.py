@@ -36,11 +36,10 @@ class Raster:
     x: float
     """First column's points: longitude [deg] or easting [m]."""
     y: float
-    """First row's points."""
     step_x: float
-    """Between columns, to the east."""
+    """Step between columns, positive to the east."""
     step_y: float
-    """Between rows, to the south."""
+    """Step between rows, positive to the south."""
     rows: int
     columns: int
     datum: str | None

@@ -75,7 +75,6 @@ class _Blocks:
     rows: int
     columns: int
     high: int
-    """Height of a block."""
     wide: int
     places: tuple[int, ...]
     sizes: tuple[int, ...]

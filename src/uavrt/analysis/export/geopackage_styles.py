@@ -40,7 +40,6 @@ _TIMED = (
     "tag_tracks",
     "marks",
 )
-"""Layers with a ``time`` column."""
 
 
 def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:

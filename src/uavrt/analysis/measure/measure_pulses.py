@@ -40,7 +40,6 @@ class PulseWindow:
     apart_hz: float
     """Frequency of this burst in the first pass, relative to the tag's frequency."""
     burst: int
-    """Number of the burst."""
 
 
 def measure_pulses(

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.93, 0.95, 0.06
 _WIDTH_IN = (_RIGHT - _LEFT) * A4_IN[0]
 _BETWEEN_IN = 0.06
-"""Space between columns of a table."""
 _LINE = 0.0155
 """Line height of 9-point text, with spacing, as a share of the page's height."""
 

@@ -22,7 +22,6 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 Table = tuple[list[str], list[list[str]]]
-"""Names of the columns, rows."""
 
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
@@ -88,7 +87,6 @@ class Finding:
     tag_id: int
     title: str
     place: str | None
-    """Coordinates; None when there is no position."""
     detail: str
 
 

@@ -51,7 +51,6 @@ _LEAP_S = 18
 _WANTED = frozenset({"ATT", "POS", "GPS", "EV"})
 _ARMED = {10: True, 11: False}
 _LANDED = {18: True, 28: False}
-"""`LogEvent` of ArduPilot."""
 
 _Row = dict[str, float]
 

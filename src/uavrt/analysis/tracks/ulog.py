@@ -33,7 +33,6 @@ _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
 """Most damaged bytes, or pieces of 512 bytes searched for the next mark."""
 _ARMED = 2
-"""`vehicle_status.arming_state`."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 

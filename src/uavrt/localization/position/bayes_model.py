@@ -45,7 +45,6 @@ class Known:
     unusual: frozenset[Explanation]
     height_sigma_m: float
     hills: HillLosses | None = None
-    """Ground around the flight; None is level."""
 
 
 class Model:

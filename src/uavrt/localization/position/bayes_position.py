@@ -185,7 +185,6 @@ class _Agreement:
     found: tuple[tuple[float, Fit], ...] = ()
     """All explanations with their probabilities, that of a resting tag first."""
     reported: Fit | None = None
-    """The reported explanation; None where there is none."""
     unchecked: tuple[Caution, ...] = ()
     """Why a common error cannot be checked."""
 
@@ -282,7 +281,6 @@ class _Mixture:
 
     resting: LogLikelihood
     log_evidence: float
-    """Evidence for the resting tag."""
     others: tuple[tuple[float, Fit], ...]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:

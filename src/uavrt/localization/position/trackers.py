@@ -64,7 +64,6 @@ class TagPrior:
     """Prior knowledge before the flight."""
 
     area: Area
-    """Area that contains the tag."""
     level_db: float = 45.0
     """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km, n = 2.5."""
     level_sigma_db: float = 12.0
@@ -82,7 +81,6 @@ class TagPrior:
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
     """Shares of the time that such an animal rests, browses, travels."""
     exponent: float = 2.5
-    """Path loss exponent."""
     exponent_sigma: float = 0.5
     """0: the exponent is known, as is the strength with a `level_sigma_db` of 0."""
     missed_share: float = BY_CHANCE
