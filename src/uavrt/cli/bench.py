@@ -78,7 +78,7 @@ class _Ear:
             pose_age_s=None if pose_ns is None else (now_ns - pose_ns) / NANOSECONDS_PER_SECOND,
             battery_percent=self._battery_percent,
             usual_noise_db=self._usual_noise(status),
-            has_charge=(check_radio(self._settings, status), *self._here),
+            told=(check_radio(self._settings, status), *self._here),
         )
         found = first_flight(facts, self._bench, now_ns)
         has_charge = self._battery_percent is not None

@@ -136,10 +136,10 @@ def _check_formats(file: BinaryIO) -> None:
             break
         body = file.read(int.from_bytes(head[:2], "little"))
         if head[2:] == b"F":
-            name, _, fields = body.decode("ascii", "replace").partition(":")
+            name, _, listed = body.decode("ascii", "replace").partition(":")
             fields[name] = [
                 (kind, min(int(count or 1), _MOST_FIELDS))
-                for kind, count in _FIELD.findall(fields)
+                for kind, count in _FIELD.findall(listed)
             ]
     file.seek(0)
 
