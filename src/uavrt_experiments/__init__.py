@@ -1,1 +1,1 @@
-"""Claims as repeatable experiments."""
+"""Repeatable experiments for published claims."""

@@ -1,7 +1,7 @@
-"""100 TB on 50 machines, reckoned from what ``benchmarks/results.md`` says of archives.
+"""Estimate for 100 TB on 50 machines, from the archive figures in ``benchmarks/results.md``.
 
-``python -m uavrt_experiments.archive_sum`` writes it into
-``docs/how-to/search-an-archive.md``; to be run again after ``python -m benchmarks archive``.
+``python -m uavrt_experiments.archive_sum`` writes it into ``docs/how-to/search-an-archive.md``;
+run it after ``python -m benchmarks archive``.
 """
 
 import re
@@ -21,35 +21,35 @@ DISK, LINE, STORE = 0.75e9, 1.25e9, 5e9
 LEAD_IN_S, SHORT_CELL_S = 120.0, 900.0
 INTERVAL_S = 1.2
 WRITING_S, TASK_S = 16e-6, 1e-3
-"""To join and write a pulse, and Dask's scheduler for a task; measured apart."""
+"""Time to join and write a pulse, and of Dask's scheduler for a task; measured separately."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """One way of doing the work of the benchmark."""
+    """One way of running the benchmark."""
 
     name: str
     cpu_s: float
-    """For all of its recordings."""
+    """CPU time of all recordings."""
     worker_mb: float
-    """Most that a worker had."""
+    """Largest memory of a worker."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What the benchmark found."""
+    """Results of the benchmark."""
 
     machine: str
     signal_s: float
-    """Length of all recordings."""
+    """Total length of all recordings."""
     rate_hz: float
     tags: int
     ways: tuple[Way, ...]
-    """First one process, which writes too."""
+    """The first uses one process, which also writes."""
 
     @property
     def bytes_a_second(self) -> float:
-        """Of a recording."""
+        """Bytes of a second of a recording."""
         return BYTES_A_SAMPLE * self.rate_hz
 
     @property
@@ -59,12 +59,12 @@ class Measured:
 
     @property
     def core_bytes_a_second(self) -> float:
-        """What one core goes through."""
+        """Bytes a second that one core processes."""
         return self.bytes_a_second * HOUR_S / self.hour_cpu_s
 
 
 def measured(results: str) -> Measured:
-    """Read the section of archives."""
+    """Read the archive section."""
     section = results.partition("<!-- begin archive -->")[2].partition("<!-- end archive")[0]
     machine = re.search(r"UTC; (.+?), Linux", section)
     table = section.partition("### Cores side by side")[2]
@@ -83,7 +83,7 @@ def measured(results: str) -> Measured:
 
 
 def render(results: str) -> str:
-    """Write the tables, and what follows from them."""
+    """Write the tables, and the text below them."""
     found = measured(results)
     return "\n\n".join([BEGIN, _measured_table(found), _sum_table(found), _so(found), END])
 
@@ -163,13 +163,13 @@ def _so(found: Measured) -> str:
 
 
 def in_page(page: str, text: str) -> str:
-    """Put it in place of what stands between the marks."""
+    """Replace the text between the marks."""
     before, _, rest = page.partition(BEGIN)
     return f"{before}{text}{rest.partition(END)[2]}"
 
 
 def main() -> None:
-    """Write it into the page."""
+    """Write the estimate into the page."""
     page = PAGE.read_text(encoding="utf-8")
     text = render(RESULTS.read_text(encoding="utf-8"))
     PAGE.write_text(in_page(page, text), encoding="utf-8")

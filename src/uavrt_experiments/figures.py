@@ -1,4 +1,4 @@
-"""What came out of many runs, with its interval, as rows of a table."""
+"""Figures over many runs, with intervals, as rows of a table."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,9 +21,9 @@ def measured(
     most: float | None = None,
     bound: float | None = None,
 ) -> Row:
-    """Make a line of a figure over runs, with its 95 % interval.
+    """Row of a figure over runs, with its 95 % interval.
 
-    `experiment`, `condition`, `quantity`: what is measured.
+    `experiment`, `condition`, `quantity`: description of the measurement.
     `values`: one for each run. Without any, the figure is not a number, and misses its bar.
     `figure`: values to the figure: a median, a root of mean squares …
     `least`, `most`, `bound`: bar and bound.

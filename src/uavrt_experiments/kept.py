@@ -1,4 +1,4 @@
-"""Outcomes of finished trials in a file: a long experiment goes on where it was stopped."""
+"""Outcomes of finished trials in a file, so that a long experiment can be continued."""
 
 import json
 from collections.abc import Callable
@@ -10,13 +10,13 @@ from uavrt.errors import FormatError, RecordingError, UsageError
 
 
 class KeptOutcomes:
-    """Outcomes by the names of their trials; with a file, each is written when it is there.
+    """Outcomes by the names of their trials; with a file, each is written at once.
 
     A trial must follow from its name and from `made_with` alone. The file has a line of JSON
-    for each; what a crash left of the last line is cut off.
+    for each; a last line broken by a crash is cut off.
 
-    `path`: made where it does not exist; None keeps in memory.
-    `made_with`: seed, code and whatever else the outcomes follow from.
+    `path`: created if missing; None keeps in memory.
+    `made_with`: seed, code and all else that the outcomes follow from.
     Raises `UsageError`: the file's outcomes were made with something else.
     Raises `FormatError`: it is no such file.
     Raises `RecordingError`: it cannot be read or written.
@@ -57,9 +57,9 @@ class KeptOutcomes:
             self._file.close()
 
     def take(self, name: str, trial: Callable[[], Any]) -> Any:
-        """Get the outcome of a trial, which is done if it is not kept yet.
+        """Get the outcome of a trial, which is run if it is not stored yet.
 
-        `trial`: gives what JSON can hold.
+        `trial`: returns a value that JSON can hold.
         """
         if name not in self._outcomes:
             outcome = trial()
@@ -72,7 +72,7 @@ class KeptOutcomes:
         return name in self._outcomes
 
     def of(self, beginning: str) -> list[Any]:
-        """Outcomes of all trials whose names begin so."""
+        """Outcomes of all trials whose names begin with this."""
         return [one for name, one in self._outcomes.items() if name.startswith(beginning)]
 
     def _write(self, record: dict[str, Any]) -> None:
@@ -81,7 +81,7 @@ class KeptOutcomes:
         self._file.flush()
 
     def _begin(self, path: Path, made_with: str) -> None:
-        """Read whole lines, and cut off what is none."""
+        """Read whole lines, and cut off the rest."""
         assert self._file is not None
         self._file.seek(0)
         *lines, _ = self._file.read().split(b"\n")

@@ -1,7 +1,7 @@
-"""Which code, when and on which machine a table of results was measured.
+"""Code, date and machine of a table of results.
 
 Beneath the title of each part of a table stands the commit, the date, the machine, and a digest
-of the folders that its figures come from, with that of the compiled kernels where these do part
+of the folders that its figures depend on, with that of the compiled kernels where these do part
 of the work. The digest is of the code alone: comments, docstrings and layout do not count.
 
 ``python -m uavrt_experiments.measured`` lists the parts that are older than their code.
@@ -26,7 +26,7 @@ import uavrt
 SOURCE = Path(uavrt.__file__).parent
 ROOT = SOURCE.parents[1]
 NATIVE = ROOT / "native"
-"""The compiled kernels, which do part of the work of `_WITH_KERNELS`."""
+"""Source of the compiled kernels, which do part of the work of `_WITH_KERNELS`."""
 _WITH_KERNELS = frozenset({"detection", "dsp"})
 _C_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|/\*.*?\*/|//[^\n]*', re.DOTALL)
 _DETECTOR_PAGE = "docs/images/detection/results.md"
@@ -38,24 +38,24 @@ _LINE = re.compile(r"Measured on commit `([^`]+)`(?:, [^`\n]+)?, code `(\w+)` of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """A part of a table, and what was written of its measurement."""
+    """A part of a table, and the record of its measurement."""
 
     name: str
-    """As on the command line: E3, localization, bench chain …"""
+    """Name on the command line: E3, localization, bench chain …"""
     path: str
-    """Of the page, from the root of the repository."""
+    """Path of the page, from the root of the repository."""
     folders: tuple[str, ...]
     commit: str
     code: str
 
     @property
     def current(self) -> bool:
-        """Whether the figures are those of the code as it is."""
+        """True if the figures are those of the present code."""
         return digest(self.folders) == self.code
 
     @property
     def command(self) -> str:
-        """What measures it again."""
+        """Command that repeats the measurement."""
         if self.name.startswith("bench "):
             return f"python -m benchmarks {self.name.removeprefix('bench ')}"
         if self.path == _DETECTOR_PAGE:
@@ -90,7 +90,7 @@ def digest(folders: Sequence[str], source: Path = SOURCE, native: Path = NATIVE)
 
 
 def _c_code(path: Path) -> str:
-    """A C file without comments and layout."""
+    """Text of a C file without comments and layout."""
     text = path.read_text(encoding="utf-8")
     bare = _C_COMMENT.sub(lambda m: m[0] if m[0].startswith('"') else " ", text)
     return " ".join(bare.split())
@@ -98,13 +98,13 @@ def _c_code(path: Path) -> str:
 
 @lru_cache(maxsize=1024)
 def _of_file(path: Path, time_ns: int, size: int) -> str:
-    """Digest of a file's code; time and size show that it is another."""
+    """Digest of a file's code, cached by time and size."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     return hashlib.sha256(" ".join(_tokens(tree)).encode()).hexdigest()
 
 
 def _tokens(node: object) -> Iterator[str]:
-    """What a syntax tree says, in the same words for every version of Python."""
+    """Tokens of a syntax tree, the same for every version of Python."""
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
         return  # a docstring
     if isinstance(node, ast.AST):
@@ -123,19 +123,19 @@ def _tokens(node: object) -> Iterator[str]:
 
 
 def commit() -> str:
-    """Commit of the source, with -dirty behind it when files differ; else the version."""
+    """Commit of the source, with -dirty appended when files differ; else the version."""
     command = ("git", "-C", str(ROOT), "describe", "--always", "--dirty")
     if not (ROOT / ".git").exists() or shutil.which("git") is None:
         return uavrt.__version__
-    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=10.0)
-    return told.stdout.strip() or uavrt.__version__
+    answer = subprocess.run(command, capture_output=True, text=True, check=False, timeout=10.0)
+    return answer.stdout.strip() or uavrt.__version__
 
 
 def in_history(named: str, root: Path = ROOT) -> bool | None:
-    """Whether a commit that a table names is one of this clone's history.
+    """True if a commit that a table names is in this clone's history.
 
     `named`: as written beneath a title; -dirty behind it does not count.
-    Returns: None where it cannot be known: without git, or in a shallow clone.
+    Returns: None where unknown: without git, or in a shallow clone.
     """
     if not (root / ".git").exists() or shutil.which("git") is None:
         return None
@@ -151,7 +151,7 @@ def in_history(named: str, root: Path = ROOT) -> bool | None:
 
 
 def processor() -> str:
-    """Name of the processor, as it calls itself."""
+    """Name of the processor."""
     cpuinfo = Path("/proc/cpuinfo")
     text = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
     found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
@@ -159,7 +159,7 @@ def processor() -> str:
 
 
 def measured_now(folders: Sequence[str]) -> str:
-    """Line to write beneath the title of what is measured with the code as it is."""
+    """Line beneath the title of a measurement with the present code."""
     day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
     machine = f"{os.cpu_count()} cores of {processor()}"
     code = f"code `{digest(folders)}` of {', '.join(folders)}"
@@ -196,7 +196,7 @@ def _pages(root: Path) -> Iterator[str]:
 
 
 def _name(path: str, before: str) -> str:
-    """Name of the part that a line belongs to, from what stands before it."""
+    """Name of the part that a line belongs to, from the text before it."""
     if path == _DETECTOR_PAGE:
         return str(re.findall(r"^## (E\d+)", before, re.MULTILINE)[-1])
     if path == _BENCHMARKS:

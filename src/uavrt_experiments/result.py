@@ -1,8 +1,10 @@
-"""One line of an experiment's table: what came out, how sure, what was asked and possible."""
+"""One line of an experiment's table: figure, interval, bar and bounds."""
 
 import math
 from dataclasses import dataclass
 from typing import Any
+
+from uavrt_experiments.statistics import Interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,65 +21,64 @@ class Row:
     """Lower end of the 95 % interval."""
     high: float
     n: int
-    """Decisions, decision intervals, pulses or streams that the figure is made of."""
+    """Number of decisions, decision intervals, pulses or streams behind the figure."""
     least: float | None = None
     most: float | None = None
     """The bar."""
     original: float | None = None
-    """What the original reached, measured on its own program."""
+    """The original's figure, measured on its own program."""
     genie: float | None = None
-    """Bound: time, frequency and interval known beforehand."""
+    """Bound: time, frequency and interval known."""
     union: float | None = None
     """Bound: perfectly aligned pulses, the whole volume searched."""
     single: float | None = None
     """Bound of an energy detector of single pulses."""
     bound: float | None = None
-    """Bound: the best that any estimator could do, where it is known."""
+    """Bound of any estimator, where it is known."""
     at: float | None = None
-    """Where the figure lies on the axis of its plot: ENR in dB, nominal share, K."""
+    """Place of the figure on the axis of its plot: ENR in dB, nominal share, K."""
     note: str = ""
     shown: bool = True
-    """False: too little was measured to show that the bar is kept, though nothing speaks
-    against it; `note` says what it shows."""
+    """False: too few measurements to confirm the bar, and none against it; `note` explains
+    it."""
+
+    @classmethod
+    def with_interval(
+        cls, experiment: str, quantity: str, case: str, measured: Interval, n: int, **more: Any
+    ) -> "Row":
+        """Make the row of a figure with its 95 % interval."""
+        figure, low, high = measured
+        more |= {"experiment": experiment, "quantity": quantity, "case": case, "n": n}
+        return cls(figure=figure, low=low, high=high, **more)
 
     @classmethod
     def counted(
         cls, experiment: str, quantity: str, case: str, figure: float, n: int = 1, **more: Any
     ) -> "Row":
         """Make the row of a figure that was counted or timed once: it has no interval."""
-        return cls(
-            experiment=experiment,
-            quantity=quantity,
-            case=case,
-            figure=figure,
-            low=figure,
-            high=figure,
-            n=n,
-            **more,
-        )
+        return cls.with_interval(experiment, quantity, case, (figure,) * 3, n, **more)
 
     @property
     def exact(self) -> bool:
-        """Whether the figure has no interval."""
+        """True if the figure has no interval."""
         return self.low == self.high == self.figure
 
     @property
     def barred(self) -> bool:
-        """Whether anything is asked of it."""
+        """True if there is a bar."""
         return self.least is not None or self.most is not None
 
     @property
     def met(self) -> bool:
-        """Whether the figure itself keeps within the bar."""
+        """True if the figure itself keeps within the bar."""
         above = self.least is None or self.figure >= self.least - 1e-9
         return above and (self.most is None or self.figure <= self.most + 1e-9)
 
     @property
     def contradicted(self) -> bool:
-        """Whether the whole 95 % interval lies on the wrong side of the bar.
+        """True if the whole 95 % interval lies on the wrong side of the bar.
 
-        So it does where there was nothing to make a figure of: none of what the bar asks for
-        was heard.
+        Also if there was nothing to make a figure of: no pulse that the bar requires was heard.
         """
         if self.barred and not self.met and (not self.n or not math.isfinite(self.figure)):
             return True
@@ -86,7 +87,7 @@ class Row:
 
     @property
     def sure(self) -> bool:
-        """Whether the whole 95 % interval keeps within the bar."""
+        """True if the whole 95 % interval keeps within the bar."""
         above = self.least is None or self.low >= self.least
         return above and (self.most is None or self.high <= self.most)
 

@@ -9,13 +9,13 @@ from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer
 
 
 class SimulatedSource:
-    """A `uavrt.radio.source.SampleSource` that hears a scenario from its start.
+    """A `uavrt.radio.source.SampleSource` that receives a scenario from its start.
 
     `center_frequency_hz`, `sample_rate_hz`: tuning and rate [Hz]; by default the scenario's.
-    `duration_s`: when the recording ends [s]; by default with the scenario.
+    `duration_s`: end of the recording [s]; by default with the scenario.
     `block_samples`: samples of a block.
-    `clock`: with a clock, a block is given when its last sample has been "received" by it, as
-    by a radio; without one, blocks come as fast as they are asked for.
+    `clock`: with a clock, a block is returned when its last sample is due, as by a radio;
+    without one, blocks are returned at once.
     """
 
     def __init__(
@@ -76,5 +76,5 @@ class SimulatedSource:
         )
 
     def close(self) -> None:
-        """Give no more samples; harmless when repeated."""
+        """Stop the samples; harmless when repeated."""
         self._closed = True

@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+Interval = tuple[float, float, float]
+"""A figure, and the ends of its 95 % interval."""
 Z95 = 1.96
 _RESAMPLES = 400
 _NEAR_DB = 1.5
-"""A Pd curve is a logistic function of the ENR in dB only about the level that is asked for."""
+"""Range about the requested level in which a Pd curve is a logistic function of the ENR in
+dB."""
 
 
 def wilson_interval(hits: float, trials: int) -> tuple[float, float]:
@@ -53,8 +56,8 @@ def bootstrap_interval(
 def count_interval(counts: Sequence[int]) -> tuple[float, float]:
     """95 % interval of the mean of a sum of counts that may come in clusters.
 
-    One track begun by noise and confirmed makes several groups: where the counts of equal
-    stretches spread more than Poisson's, his interval is widened in proportion (quasi-Poisson).
+    One confirmed false track makes several groups: where the counts of equal stretches scatter
+    more than Poisson's, the interval is widened in proportion (quasi-Poisson).
     """
     total = sum(counts)
     low, high = poisson_interval(total)
@@ -73,7 +76,7 @@ def mean_interval(values: Sequence[float]) -> tuple[float, float]:
     return mean - half, mean + half
 
 
-def rms(values: Sequence[float]) -> tuple[float, float, float]:
+def rms(values: Sequence[float]) -> Interval:
     """Root of the mean square, and its 95 % interval."""
     if not len(values):
         return math.nan, 0.0, math.inf
@@ -83,24 +86,27 @@ def rms(values: Sequence[float]) -> tuple[float, float, float]:
     return math.sqrt(mean), math.sqrt(max(0.0, mean - half)), math.sqrt(mean + half)
 
 
-def share_by_flight(
-    hits: Sequence[int], trials: Sequence[int]
-) -> tuple[float, tuple[float, float]]:
+def share_of(hits: int, trials: int) -> Interval:
+    """Share of trials that succeeded, with Wilson's interval; 0 without trials."""
+    return hits / max(trials, 1), *wilson_interval(hits, trials)
+
+
+def share_by_flight(hits: Sequence[int], trials: Sequence[int]) -> Interval:
     """Mean share over flights; the wider of the interval over flights and over pulses.
 
-    The pulses of a flight are not independent of one another: one late lock costs many.
+    The pulses of a flight are not independent: one late lock costs many.
     """
     shares = [h / t for h, t in zip(hits, trials, strict=True) if t]
     if not shares:
-        return 0.0, (0.0, 1.0)
+        return 0.0, 0.0, 1.0
     low, high = wilson_interval(sum(hits), sum(trials))
     if len(shares) > 1:
         over = mean_interval(shares)
         low, high = min(low, over[0]), max(high, over[1])
-    return float(np.mean(shares)), (max(0.0, low), min(1.0, high))
+    return float(np.mean(shares)), max(0.0, low), min(1.0, high)
 
 
-def quantile(values: Sequence[float], share: float) -> tuple[float, float, float]:
+def quantile(values: Sequence[float], share: float) -> Interval:
     """Quantile with the 95 % interval of its order statistics.
 
     The number of values below the true quantile is binomial; the interval reaches from the
@@ -188,5 +194,5 @@ def _logistic(points: Sequence[tuple[float, int, int]], share: float) -> tuple[f
 def _likelihood(
     logits: NDArray[np.float64], hits: NDArray[np.float64], trials: NDArray[np.float64]
 ) -> float:
-    """Logarithm of the chance of this number of hits."""
+    """Log-likelihood of this number of hits."""
     return float(hits @ logits - trials @ np.logaddexp(0.0, logits))

@@ -1,4 +1,4 @@
-"""Tables of results: one layout, one set of columns, one way into a file."""
+"""Tables of results: common layout, columns and files."""
 
 import csv
 import math
@@ -41,7 +41,7 @@ def markdown(lines: Sequence[Sequence[str]]) -> str:
 
 
 def drawn(rows: Sequence[Row], title: str = "") -> str:
-    """Draw rows as plain text; columns in which nothing stands are left out."""
+    """Rows as plain text; empty columns are left out."""
     several = len({row.experiment for row in rows}) > 1
     lines: list[tuple[str, ...]] = [("", "quantity", "case", *HEADER)]
     lines += [
@@ -71,7 +71,7 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def number(value: float) -> str:
-    """Three digits, without exponents for what people measure; a count as it is."""
+    """Format with three digits, without exponents for measured values; counts in full."""
     if isinstance(value, int):
         return str(value)
     if not math.isfinite(value):
@@ -82,7 +82,7 @@ def number(value: float) -> str:
 
 
 def bars_kept(rows: Sequence[Row]) -> str:
-    """How many of the bars were met, in one sentence."""
+    """Sentence on the number of bars that were met."""
     asked = [row for row in rows if row.barred]
     barred = [row for row in asked if row.shown or not row.met]
     missed = [row for row in barred if not row.met]
@@ -95,7 +95,7 @@ def bars_kept(rows: Sequence[Row]) -> str:
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Write rows to a CSV file; what is not known is empty."""
+    """Write rows to a CSV file; unknown values are empty."""
     write_csv(
         path,
         COLUMNS,

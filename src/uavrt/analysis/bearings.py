@@ -43,7 +43,6 @@ class Recorded:
     path: Path
     log: PulseLog
     flight: Flight | None
-    """The flight; None for a pulse log."""
 
     @property
     def name(self) -> str:

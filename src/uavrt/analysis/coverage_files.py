@@ -46,7 +46,6 @@ def write_maps(
 
 
 def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """PNG of a map as in a report; without matplotlib only its squares."""
     if find_spec("matplotlib") is None:
         return png_bytes(chance(coverage.heard[::-1]))
     from uavrt.analysis.report.silences import coverage_png

@@ -37,8 +37,6 @@ CopiesOfFlight = tuple[FlightOutline, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pulses:
-    """A flight's confirmed pulses by tag and time."""
-
     tag_id: NDArray[np.int64]
     start_ns: NDArray[np.int64]
     level_db: NDArray[np.float64]
@@ -79,7 +77,6 @@ def without_copies(outlines: Sequence[FlightOutline]) -> list[CopiesOfFlight]:
 
 
 def _overlapping(outlines: Sequence[FlightOutline]) -> list[int]:
-    """Flights with pulses at the same time as another one's."""
     heard = [number for number, one in enumerate(outlines) if one.pulses]
     # Floats: a damaged flight may have times that no whole number of 64 bits holds.
     starts = np.array([float(outlines[number].info.start_time_ns) for number in heard])
@@ -91,7 +88,6 @@ def _overlapping(outlines: Sequence[FlightOutline]) -> list[int]:
 
 
 def _pulses_of(outline: FlightOutline) -> _Pulses | None:
-    """Read a flight's pulses; None for a damaged flight."""
     try:
         found = sorted(read_pulse_levels(outline.directory).items())
     except FormatError:

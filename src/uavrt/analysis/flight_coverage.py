@@ -133,7 +133,6 @@ def flown_way(
 def _above_ground(
     area: MapArea, flight: Flight, east: _Floats, north: _Floats, over_start_m: _Floats
 ) -> tuple[_Floats, tuple[str, ...]]:
-    """Heights above the ground [m] from heights above the take-off."""
     ground = area.ground
     limitations: list[str] = []
     first = flight.poses[0]

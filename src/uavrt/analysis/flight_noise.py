@@ -16,7 +16,6 @@ from uavrt.recording.flight_reader import Flight, read_flight, read_search_repor
 
 _ON_GROUND_M = 2.0
 _LEAST = 3
-"""Least number of values for a median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -80,8 +80,6 @@ class FlightSoFar:
 
 
 class _Heard:
-    """Samples kept of one tag's channel."""
-
     def __init__(self, tag: Tag, channel: KeptChannel, frequency_window_hz: float) -> None:
         self.channel_hz = channel.center_frequency_hz
         self.looks = 0
@@ -127,7 +125,6 @@ class _Heard:
 
 
 def _reaching(paths: tuple[Path, ...], needed_ns: int) -> tuple[Path, ...]:
-    """Pieces from the one that contains a time onwards."""
     starts: list[tuple[int, Path]] = []
     for path in paths:
         try:

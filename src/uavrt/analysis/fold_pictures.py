@@ -14,7 +14,6 @@ from uavrt.integration.whole_flight import pulse_weights
 from uavrt.recording.integrated import FlightFold
 
 _ROWS: Final = 32
-"""Largest number of rows in a folded picture."""
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:

@@ -206,6 +206,5 @@ def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
 
 
 def _live_ns(flight: Flight, tag_id: int) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """Starts of a tag's pulses in the flight's own log [ns, UTC]."""
     own = [one.pulse for one in flight.pulse_poses if one.pulse.tag_id == tag_id]
     return np.array([pulse.start_time_ns for pulse in own], np.int64)

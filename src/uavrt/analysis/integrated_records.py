@@ -23,7 +23,6 @@ class OtherTrainRecord:
     ratio: str | None
     """Ratio of its interval to the tag's, such as ``3/2``."""
     other_code: bool
-    """True for bursts of another code."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +33,6 @@ class SlotRecord:
     """Start of the slot, ISO 8601, UTC."""
     time_ns: int
     energy: float
-    """Energy over the mean of noise."""
     at_rate: bool
     """True while the tag was at this rate."""
     stands_out: bool
@@ -55,7 +53,6 @@ class PlaceRecord:
     level_db: float | None = None
     """`enr_db` by its name in earlier versions."""
     bearing_deg: float | None = None
-    """Direction from the middle of the flight."""
     arc50_deg: float | None = None
     arc95_deg: float | None = None
     places: tuple[IntegratedPart, ...] = ()
@@ -88,7 +85,6 @@ class SilenceRecord:
     """Coverage for a tag that was not found: the map of ``uavrt coverage`` in numbers."""
 
     tag_power_dbm: float
-    """Power that the tag is assumed to radiate."""
     whole_flight: bool
     """True if the map is for judging the whole flight; else for groups of pulses (`limitations`
     say why)."""
@@ -148,7 +144,6 @@ class IntegratedRecord(PlaceRecord):
     ambiguous: bool
     other_trains: tuple[OtherTrainRecord, ...]
     confirmed_alone: int
-    """Number of confirmed pulses in the flight's own log."""
     antenna: str
     antenna_assumed: bool
     """True if the flight does not record the antenna, so one was assumed."""

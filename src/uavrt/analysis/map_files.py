@@ -322,7 +322,6 @@ def _varints(content: bytes) -> list[int]:
 
 
 def _plain(text: object) -> str | None:
-    """Foreign text without its markup, for display with the map; None for an empty one."""
     if not isinstance(text, str):
         return None
     return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text[:_MOST_CREDIT]).split())[:200] or None

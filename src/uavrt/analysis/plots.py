@@ -38,7 +38,6 @@ TICKED: Final = 400
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
-"""Smallest ranges of the SNR and frequency axes."""
 LOWEST_SPAN_DB: Final = 15.0
 
 
@@ -350,7 +349,6 @@ def _time_axis(axes: "Axes", waterfall: Waterfall) -> None:
 
 
 def _date(time_ns: int) -> float:
-    """Days since 1970, matplotlib's time."""
     return time_ns / NANOSECONDS_PER_SECOND / 86_400
 
 

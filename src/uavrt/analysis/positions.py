@@ -123,7 +123,6 @@ def read_positions(
 
 
 def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
-    """Bearings from a file, which has no signal strengths."""
     found = []
     for row in rows:
         known = [one for one in (row.start_time_ns, row.end_time_ns) if one is not None]
@@ -185,7 +184,6 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
 
 
 def _with_names(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
-    """Positions under the tags' numbers and names, in their order."""
     named = []
     for one in found:
         unknown = NamedTag(tag_id=one.tag_id, frequency_hz=None, name=None)
@@ -198,8 +196,6 @@ def _with_names(found: Sequence[TagPosition], same: SameTags) -> list[TagPositio
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """A flight or log whose tags have keys."""
-
     recorded: Recorded
     heard: Heard
     keys: Mapping[int, int]

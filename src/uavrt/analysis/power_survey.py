@@ -37,7 +37,6 @@ class HeightBand:
     best_db: float
     strongest: StrongestSignal
     surface: SignalSurface | None
-    """None when this range covers no area."""
 
     @property
     def name(self) -> str:

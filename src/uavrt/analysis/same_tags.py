@@ -37,7 +37,6 @@ class SameTags:
     keys: tuple[Mapping[int, int], ...]
     """For each log: keys by the log's own tag number."""
     tags: Mapping[int, NamedTag]
-    """Tags by key."""
     warnings: tuple[str, ...]
 
     def keyed(self, number: int, pulse_poses: Iterable[PulsePose]) -> tuple[PulsePose, ...]:
@@ -53,8 +52,6 @@ class SameTags:
 
 @dataclass(slots=True, kw_only=True)
 class _Group:
-    """Appearances of one tag in several logs."""
-
     tag_id: int
     frequency_hz: float
     """NaN where unknown."""
@@ -63,8 +60,6 @@ class _Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Heard:
-    """A tag in one log."""
-
     log: int
     tag_id: int
     frequency_hz: float

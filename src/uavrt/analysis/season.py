@@ -27,10 +27,8 @@ class AnimalOfSeason:
     name: str | None
     frequency_hz: float
     flights: int
-    """Flights that searched for it."""
     flights_heard: int
     minutes: float
-    """Total duration of these flights."""
     minutes_to_hear: float | None
     """Mean time from the start to its first pulse, over flights that heard it."""
     pulses: int
@@ -103,7 +101,6 @@ _Animal = tuple[int, int]
 
 
 def _minutes(flight: CopiesOfFlight) -> float:
-    """Duration of the longest copy."""
     longest = max(one.end_time_ns - one.info.start_time_ns for one in flight)
     return longest / NANOSECONDS_PER_SECOND / 60.0
 

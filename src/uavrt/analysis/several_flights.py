@@ -150,8 +150,6 @@ def judge_together(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _View:
-    """One of the flights, and the candidate places."""
-
     judged: IntegratedTag
     places: Places
     gain: _Floats
@@ -201,7 +199,6 @@ class _View:
     def silent(
         self, heard: HeardTrain, train: FoldedTrain, chance: float, flights: int
     ) -> IntegratedTag:
-        """The flight's result where nothing was found."""
         one = self.judged
         kept = one.train if one.found else train
         return replace(

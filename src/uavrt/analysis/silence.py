@@ -67,7 +67,6 @@ class SilentMap:
     tag_power_dbm: float
     coverage: Coverage
     heard_pulses: int
-    """Number of confirmed pulses of this tag."""
     in_hindsight: bool
     """True if judging the whole flight found it."""
     ambiguous: bool
@@ -75,7 +74,6 @@ class SilentMap:
     noise: str
     """Description of the noise measurement used."""
     antenna: str
-    """Name of the antenna pattern used."""
     sure_within_m: float | None
     """Distance from the flight within which it would be heard everywhere with probability .9 or
     more; None: nowhere."""
@@ -401,7 +399,6 @@ def around_in_words(around: SilentAround) -> str:
 
 
 def _rounded_down(metres: float) -> float:
-    """Round down to two digits."""
     step = 10.0 ** max(0, math.floor(math.log10(max(metres, 1.0))) - 1)
     return math.floor(metres / step) * step
 

@@ -87,21 +87,16 @@ class Survey:
     health: tuple[Health, ...] = ()
     search_reports: tuple[SearchReport, ...] = ()
     beeps: tuple[Beep, ...] = ()
-    """Received signals, listed or not."""
     search_notes: tuple[SearchNote, ...] = ()
-    """Log entries of autonomous searches."""
     status_texts: tuple[tuple[int, StatusText], ...] = ()
     notes: tuple[tuple[int, str], ...] = ()
     integrated: tuple[PulsePose, ...] = ()
     """Pulses found by ``uavrt integrate``; not used for bearings or positions."""
     verdicts: tuple[IntegratedVerdict, ...] = ()
-    """Results of ``uavrt integrate`` for each tag."""
     folds: tuple[FlightFold, ...] = ()
-    """Folds of the tags that it judged."""
     silences: "tuple[SilentMap, ...]" = ()
     """Coverage maps, where the tag's power was given."""
     facts: Facts = field(default_factory=Facts)
-    """Contents of the flight's report.toml."""
     maps: tuple[MapFile, ...] = ()
     """Map files for the background of a report."""
 
@@ -259,7 +254,6 @@ def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimate
 
 
 def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
-    """Add the other records of a flight directory."""
     warnings = list(survey.warnings)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
@@ -300,7 +294,6 @@ def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
 
 
 def _on_earth(poses: Iterable[Pose | None]) -> tuple[Pose, ...]:
-    """Poses with a place, in order; one for each time."""
     found = {
         pose.time_ns: pose
         for pose in poses

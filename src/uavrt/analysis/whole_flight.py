@@ -62,11 +62,9 @@ class IntegratedTag:
     heard_alone: int
     """Confirmed pulses of this tag in the flight's own log."""
     flights: int = 1
-    """Number of flights judged together."""
     limitations: tuple[str, ...] = ()
     """Sentences on where the figures do not apply."""
     searched: SearchedFor
-    """Settings of the search for it."""
 
     @property
     def ambiguous(self) -> OtherTrain | None:
@@ -90,7 +88,6 @@ class JudgeAs:
     frequency_window_hz: float = 500.0
     """Half-width of the search around each tag's nominal frequency."""
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
-    """For a flight and tag."""
     most_drift: float = 0.0
     """Largest relative change of the interval over the flight, up or down."""
     antenna_assumed: bool = False

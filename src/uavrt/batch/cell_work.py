@@ -28,7 +28,6 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
     beeps: list[Beep] = msgspec.field(default_factory=list)
-    """Received signals, listed or not."""
     lost_samples: int = 0
     invalid_values: int = 0
     cpu_s: float = 0.0
@@ -178,5 +177,4 @@ def _counts(cell: Cell, pulse: Pulse) -> bool:
 
 
 def _plain(value: np.generic) -> object:
-    """Convert a numpy number to a Python number."""
     return value.item()

@@ -24,7 +24,6 @@ class Cell:
     lead_in: int
     """First sample to read."""
     end: int
-    """End of the samples to read."""
     begin_ns: int | None
     """Pulses from this time on count; None: from the recording's first sample."""
 

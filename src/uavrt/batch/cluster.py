@@ -105,7 +105,6 @@ class _Cluster:
         self._threads, self._looked_s, self._alone_s = 0, 0.0, time.monotonic()
 
     def close(self) -> None:
-        """Stop the workers' tasks."""
         self._file.unlink(missing_ok=True)
         with suppress(OSError, TimeoutError):
             self._executor.shutdown(wait=False)
@@ -147,7 +146,6 @@ class _Cluster:
                 return task.failed("workers ended again and again with this in hand")
 
     def done(self) -> int:
-        """Amount done by all workers."""
         return self._done
 
     def _count(self, event: Any) -> None:

@@ -97,8 +97,6 @@ class _Outlined(msgspec.Struct, frozen=True):
 
 
 class _Kept(msgspec.Struct, frozen=True):
-    """Copies found in the last run."""
-
     flights: dict[str, _Outlined] = {}  # a struct copies it
     groups: list[list[str]] = []
 

@@ -41,13 +41,10 @@ class _Facts:
 
 @dataclass(slots=True)
 class _Job:
-    """Search of one recording, and its results so far."""
-
     recording: Recording
     key: str
     facts: _Facts
     cells: int = 0
-    """Number of cells in all."""
     results: list[CellResult] = field(default_factory=list)
 
 
@@ -193,7 +190,6 @@ class Detecting:
 
 
 def _key(recording: Recording, sought: TagSource, settings: BatchSettings) -> str:
-    """Key of a recording under these tags and settings."""
     facts = (
         recording.fingerprint(),
         tags_as_read(sought.tags),
@@ -234,7 +230,6 @@ def _row(
 
 
 def _beeps(results: Sequence[CellResult]) -> list[Beep]:
-    """Received signals in a recording, one entry for each sender."""
     found: list[Beep] = []
     for one in results:
         for beep in one.beeps:

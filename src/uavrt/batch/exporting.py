@@ -238,7 +238,6 @@ def _cautions(row: dict[str, Any]) -> tuple[Caution, ...]:
 
 
 def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory: Path) -> Path:
-    """Write the rows of a table as points (GeoParquet 1.1, WKB, CRS84)."""
     import pyarrow.parquet as pq
 
     which = "" if flights is None else f"WHERE flight IN ({', '.join(map(quoted, flights))})"

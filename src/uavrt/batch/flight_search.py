@@ -47,7 +47,6 @@ class ArchivedFlight:
     start_time_ns: int | None
     end_time_ns: int | None
     pulses: int
-    """Number of confirmed pulses of all tags."""
     heard: tuple[tuple[int, int], ...]
     """Tags with confirmed pulses, and their number."""
 
@@ -57,7 +56,6 @@ class FoundFlights:
     """One page of a search's results."""
 
     total: int
-    """Number of flights in all."""
     flights: tuple[ArchivedFlight, ...]
 
 

@@ -37,7 +37,6 @@ from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.elevation_files import open_elevation
 
 _OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
-"""Columns of a moving tag's path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +76,6 @@ class Searched:
 
     recording: str
     file: Path
-    """Parquet file of the pulses."""
     pulses: tuple[Pulse, ...] = ()
     """The pulses, loaded before a worker receives the task."""
 
@@ -96,7 +94,6 @@ class FlightResult:
     """Pulses recorded by the flight itself, when no recording of it was searched."""
     start_time_ns: int | None = None
     antenna: str = ""
-    """Name of the antenna pattern used."""
     pulses: int = 0
     poses: tuple[PoseRow, ...] = ()
     clock_offset_s: float | None = None
@@ -119,7 +116,6 @@ class FlightTask:
     """Empty: use the pulses that the flight recorded itself."""
     tags: tuple[Tag, ...]
     track: Path | None
-    """Track of a recording without a flight."""
     clock_offset_s: float | None
     """Offset of its clock ahead of the track's; None: estimate it."""
     steps: tuple[str, ...]
@@ -251,7 +247,6 @@ def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], f
 def _located(
     task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose], antenna: str
 ) -> tuple[Sequence[TagBearing], Sequence[TagPosition]]:
-    """Estimate as in `uavrt localize`."""
     localize = "localize" in task.steps
     if antenna == MONOPOLE and not localize:
         return [], []
@@ -268,7 +263,6 @@ def _located(
 
 
 def _antenna(task: FlightTask, flight: Flight | None) -> str:
-    """Name of the requested pattern, else of the drone's own."""
     if task.settings.antenna is None:
         return USUAL_ANTENNA if flight is None else flight_antenna(flight)
     return _asked_antenna(task.settings.antenna)
@@ -276,13 +270,11 @@ def _antenna(task: FlightTask, flight: Flight | None) -> str:
 
 @lru_cache(maxsize=16)
 def _asked_antenna(text: str) -> str:
-    """Register an antenna file once in each process."""
     return text if text == MONOPOLE else antenna_named(text)
 
 
 @lru_cache(maxsize=4)
 def _elevation(dem: str | None, sea: bool) -> Elevation | None:
-    """Open the elevation files once in each process."""
     return None if dem is None else open_elevation(Path(dem), sea=sea)
 
 

@@ -237,7 +237,6 @@ class _Plan:
     whip_keys: Mapping[str, str]
     before: FlightRow | None
     kept: tuple[str, ...]
-    """Steps kept from before."""
 
     def keys_with(self, antenna: str) -> dict[str, str]:
         """Keys of the steps for the antenna that was used."""
@@ -275,7 +274,6 @@ def _planned(
 
 
 def _with_kept(row: FlightRow, before: FlightRow, kept: Collection[str]) -> FlightRow:
-    """Add the kept results of the earlier row to a new one."""
     if "bearing" in kept:
         row = replace(row, fault=before.fault, bearings=before.bearings)
     if "localize" in kept:

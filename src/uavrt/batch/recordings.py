@@ -285,7 +285,6 @@ def _name(one: Recording, file: Path, root: Path) -> str:
 
 
 def _below(place: Path, root: Path, else_name: str) -> str:
-    """Name of a flight or recording: its path below a folder."""
     within = place != root and place.is_relative_to(root)
     name = place.relative_to(root).as_posix() if within else else_name
     return name if place.is_dir() else _stem(name)
@@ -300,7 +299,6 @@ def _resolved(path: Path) -> Path:
 
 
 def _flight_above(file: Path) -> Path | None:
-    """Flight directory that a file lies in."""
     places = _resolved(file).parents
     return next((one for one in places if _is_flight(one)), None)
 

@@ -178,7 +178,6 @@ def _run(
 
 
 def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[str, list[str]]]:
-    """Files of each row, by its path, for each ledger."""
     return [
         {
             row.path: [ledger.place(row.fingerprint), *ledger.files(row.fingerprint)]
@@ -213,7 +212,6 @@ def _report_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
 def _worked(
     tasks: Sequence[Task[R]], output: Path, settings: BatchSettings, watch: BatchWatch
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks on this machine's cores, or on a cluster."""
     if settings.scheduler is not None:
         from uavrt.batch.cluster import run_on_cluster
 

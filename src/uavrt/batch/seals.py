@@ -23,7 +23,6 @@ class Seal(msgspec.Struct, frozen=True):
 
     size: int
     time_ns: int
-    """Modification time."""
     digest: str
     """BLAKE2b digest of its content."""
 

@@ -57,7 +57,6 @@ class BatchWatch:
     on_done: Callable[[int], None] = lambda _amount: None
     """Receives the amount done since the last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
-    """Receives each finished recording and flight."""
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
     """Receives each recording and flight that cannot be reached now, and why; earlier results
     are kept."""
@@ -74,14 +73,10 @@ class BatchSummary:
     """Summary of a run."""
 
     rows: tuple[RecordingRow, ...]
-    """All recordings in the output."""
     flights: tuple[FlightRow, ...]
-    """All flights in the output."""
     done_now: int
-    """Number of recordings finished in this run."""
     done_before: int
     placed_now: int
-    """Number of flights finished in this run."""
     placed_before: int
     copies: int
     """Skipped directories that hold a second copy of a flight."""

@@ -23,9 +23,7 @@ BLOCK_BYTES = 8 << 20
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
-"""Most nested folders on a web server."""
 MOST_LINKS = 200_000
-"""Most links on all its lists."""
 _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "updated", "created")
 _META, _DATA = ".sigmf-meta", ".sigmf-data"
 
@@ -51,7 +49,6 @@ def list_store(url: str) -> tuple[str, ...]:
 
 
 def _below(system: Any, path: str, url: str) -> list[str]:
-    """Files of a folder and its subfolders."""
     if "http" not in system.protocol:
         return list(system.find(path))
     # A web server may answer any path with a list, and so without end.
@@ -230,7 +227,6 @@ def _asked(url: str) -> Iterator[None]:
 
 @contextmanager
 def _named(url: str, copy: str) -> Iterator[None]:
-    """Name the file in the store, not its copy, in errors."""
     try:
         yield
     except FormatError as error:

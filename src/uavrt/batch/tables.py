@@ -39,7 +39,6 @@ class RecordingRow:
     """Path of the recording; the directory of a flight without a searched recording."""
     flight: str
     fingerprint: str
-    """Fingerprint of recording, tags and settings."""
     state: str
     """done, truncated (used up to its fault), failed (no pulse of it counts) or recorded (the
     pulses are those that the flight itself found)."""
@@ -71,9 +70,7 @@ class FlightRow:
     """The flight's directory; without one, the recording."""
     flight: str
     fingerprint: str
-    """Fingerprint of all inputs of its steps."""
     state: str
-    """done, or failed."""
     fault: str | None
     """Why it has no poses, bearings or positions, or why some tags have none."""
     start_time_ns: int | None
@@ -126,7 +123,6 @@ class BearingOfTag:
     middle_time_ns: int
     end_time_ns: int
     latitude_deg: float
-    """Place of the bearing's origin."""
     longitude_deg: float
     altitude_amsl_m: float
     bearing_deg: float
@@ -173,7 +169,6 @@ class PositionOfTag:
     cautions_in_words: str
     """Texts of these cautions for the operator, a line each."""
     track_time_ns: tuple[int, ...]
-    """Path of a moving tag."""
     track_latitude_deg: tuple[float, ...]
     track_longitude_deg: tuple[float, ...]
     track_radius50_m: tuple[float, ...]

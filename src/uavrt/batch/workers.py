@@ -76,7 +76,6 @@ class Left:
 
     undone: list[int]
     in_hand: list[int]
-    """Tasks in progress when a worker died."""
 
 
 class Crew(Protocol):

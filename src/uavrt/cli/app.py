@@ -111,7 +111,6 @@ def run() -> None:
 
 
 def _print_fault(error: CycloptsError) -> None:
-    """Print a fault in a command's arguments."""
     argument = error.argument
     if not isinstance(error, MissingArgumentError) or argument is None:
         Console(stderr=True).print(CycloptsPanel(error))

@@ -26,8 +26,6 @@ AsJson = Annotated[bool, Parameter(name="--json", negative="")]
 
 
 def _ready(name: str, what: str) -> None:
-    """Add a command for a predefined query."""
-
     def command(directory: Path, *, as_json: AsJson = False) -> None:
         from uavrt.batch.questions import QUESTIONS, ask
 

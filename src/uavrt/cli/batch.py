@@ -178,7 +178,6 @@ def _leave(status: int) -> NoReturn:
 
 @contextmanager
 def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], None]]]:
-    """Show a progress bar on a terminal."""
     if not sys.stderr.isatty():
         yield (lambda _name, _total: None), (lambda _amount: None)
         return

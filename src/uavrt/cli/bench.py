@@ -43,8 +43,6 @@ def bench_findings(settings: Settings) -> list[Finding]:
 
 
 class _Ear:
-    """Collects records of the running system."""
-
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._bench = Bench()

@@ -23,7 +23,6 @@ from uavrt.radio.source import SampleSource
 from uavrt.radio.udp_address import is_udp_address
 
 THESIS_RATE_HZ = 375_000.0
-"""Sample rate of the thesis: 3 MS/s, decimated by csdr."""
 
 
 def channelize(

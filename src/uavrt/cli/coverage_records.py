@@ -47,9 +47,7 @@ class MappedTag:
     """Mean probability in the outline."""
     absence: "Absence | None" = None
     heard: int = 0
-    """Number of confirmed pulses in the flight."""
     antenna: str
-    """Name of the antenna's pattern."""
     in_hindsight: bool = False
     """True if judging the whole flight found the tag."""
     silent: "SilentAround | None" = None

@@ -170,7 +170,6 @@ def _search_together(
 
 
 def _print_domain(domain: int) -> None:
-    """Print the ROS domain where no view shows it."""
     print(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list", file=sys.stderr, flush=True)
 
 

@@ -204,7 +204,6 @@ def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
 
 
 def _name(beeps: Sequence[Beep]) -> None:
-    """Print signals that are not as listed."""
     for line in words_of_beeps(beeps):
         print(line, file=sys.stderr)
 
@@ -237,7 +236,6 @@ def _tags(path: Path | None, flown: Flight | None) -> TagSource:
 
 
 def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
-    """Search all tags in the requested mode; without one as their file says."""
     if mode is None:
         return known
     modes = {tag.tag_id: OperatingMode(mode) for tag in known.tags}
@@ -435,7 +433,6 @@ def _report(
     writer: FlightWriter | None,
     source: SampleSource,
 ) -> None:
-    """Print a summary on stderr."""
     if not summary.samples:
         return
     lines = [

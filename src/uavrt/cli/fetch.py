@@ -106,7 +106,6 @@ async def _fetch(
 
 
 async def _list_samples(client: FileClient, flight: str) -> None:
-    """Print the size of a flight's samples."""
     path = PurePosixPath("/" + flight.strip("/"))
     entries = await client.list_directory(str(path))
     if not any(entry.size is None and entry.path == f"{path}/iq" for entry in entries):
@@ -159,7 +158,6 @@ def _print_samples_left(entries: list[RemoteEntry]) -> None:
 
 
 def _duration(seconds: float) -> str:
-    """Approximate duration, in words."""
     if seconds < 90.0:
         return f"about {seconds:.0f} s"
     if seconds < 5_400.0:

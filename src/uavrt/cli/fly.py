@@ -271,7 +271,6 @@ def _save(path: Path, request: MotionRequest | None) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a new file; existing files are not overwritten."""
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -284,7 +283,6 @@ def _write(path: Path, text: str) -> None:
 async def _upload(
     address: str, keys: LinkKeys, order: Order, limits: Limits, *, json_lines: bool
 ) -> int:
-    """Upload a survey to the autopilot as its mission."""
     survey_items(order, limits)
     async with _connected(address, keys) as link:
         done = await link.missions.upload_survey(order, limits)
@@ -314,7 +312,6 @@ async def _fence(address: str, keys: LinkKeys, save: Path | None, *, json_lines:
 
 @asynccontextmanager
 async def _connected(address: str, keys: LinkKeys) -> AsyncIterator[GroundLink]:
-    """A link on which the autopilot is received."""
     link = _link(keys, lambda event: None)
     serve = asyncio.create_task(link.run(address))
     wait = asyncio.create_task(link.missions.wait(DRONE_WAIT_S))
@@ -370,8 +367,6 @@ def forget_typed_ahead() -> None:
 
 
 class _Terminal:
-    """One motion, from the question to its end."""
-
     def __init__(
         self, keys: LinkKeys, *, json_lines: bool, yes: bool, sticks_unseen: bool
     ) -> None:

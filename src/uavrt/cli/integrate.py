@@ -198,7 +198,6 @@ def _flights(
     clock_offset: float | None,
     yaw_offset: float,
 ) -> "list[Flight]":
-    """Read the named flights."""
     from uavrt.recording.flight_reader import read_flight
 
     if first is None:
@@ -275,13 +274,9 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """Command-line arguments."""
-
     recording: Path | None
     opened: dict[str, Any]
-    """Options for opening a recording."""
     remarks: tuple[str, ...]
-    """Remarks on data that a track does not contain."""
     how: "JudgeAs"
     moves: bool
     tag_power_dbm: float
@@ -362,7 +357,6 @@ def _together(
 def _judged(
     asked: _Asked, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
 ) -> "list[IntegratedTag]":
-    """Judge a flight by the named samples, or by its own."""
     from uavrt.analysis.kept_samples import integrate_kept
     from uavrt.analysis.whole_flight import integrate_flight
     from uavrt.radio.opening import open_recording
@@ -415,7 +409,6 @@ def _silent(
 
 
 def _silence(one: "SilentMap | None", files: dict[int, list[Path]]) -> "SilenceRecord | None":
-    """Summarise a map for JSON."""
     from uavrt.analysis.integrated_records import SilenceRecord
 
     return None if one is None else SilenceRecord.of(one, files.get(one.tag_id, []))

@@ -69,7 +69,6 @@ def _antenna(one: "IntegratedTag") -> str:
 
 
 def _other(other: "OtherTrain") -> str:
-    """Sentence on another train on a tag's frequency."""
     text = f"another train on its frequency, every {other.interval_s:.4f} s"
     if other.other_code:
         return f"bursts of another code on its frequency, every {other.interval_s:.4f} s"

@@ -53,27 +53,20 @@ class Between:
 Port = Annotated[int, Parameter(validator=Between(least=0, most=65_535))]
 """TCP or UDP port; 0 takes any free one."""
 Component = Annotated[int, Parameter(validator=Between(least=1, most=255))]
-"""Component number of a MAVLink system."""
 Vehicles = tuple[Annotated[int, Parameter(validator=Between(least=1, most=255))], ...]
-"""Numbers of MAVLink systems."""
 Seed = Annotated[int, Parameter(validator=Between(least=0))]
-"""Seed of a random generator."""
 Count = Annotated[int, Parameter(validator=Between(least=1))]
 """A number of things, at least one."""
 Counts = tuple[Count, ...]
-"""Several of them."""
 GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
 """K, as in tag files: the detector's thresholds for longer groups are unknown."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """A number of things, possibly zero."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
-"""A duration."""
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
 """Difference of two clocks, at most thirty years, since unset clocks begin in 1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
-"""A duration."""
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
-"""A rate, a width or a carrier frequency."""
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
 """Tag frequency, as in tag files: megahertz typed for hertz are rejected."""
 PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, unit="s"))]
@@ -83,34 +76,23 @@ Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
 """A carrier frequency, or 0 for samples of which only the offset matters."""
 Degrees = Annotated[float, Parameter(validator=Between(least=-360, most=360, unit="degrees"))]
-"""An angle of either sign."""
 DegreesOfError = Annotated[float, Parameter(validator=Between(least=0, unit="degrees"))]
-"""A standard deviation of an angle."""
 Metres = Annotated[float, Parameter(validator=Between(above=0, most=20_000, unit="m"))]
-"""A height over the ground or over the tags."""
 Heights = tuple[
     Annotated[float, Parameter(validator=Between(above=0, most=20_000, unit="m"))], ...
 ]
-"""Heights over the ground."""
 Side = Annotated[float, Parameter(validator=Between(least=0.5, most=1000, unit="m"))]
-"""Side of a map's square."""
 Reach = Annotated[float, Parameter(validator=Between(least=0, most=100_000, unit="m"))]
 """Distance over ground, possibly zero."""
 Speed = Annotated[float, Parameter(validator=Between(above=0, most=100, unit="m/s"))]
-"""Speed of a drone."""
 Power = Annotated[float, Parameter(validator=Between(least=-100, most=40, unit="dBm"))]
-"""Power radiated by a tag."""
 DecibelsOfError = Annotated[float, Parameter(validator=Between(least=0, most=40, unit="dB"))]
-"""A standard deviation of a level."""
 Decibels = Annotated[float, Parameter(validator=Between(least=-200, most=200, unit="dB"))]
-"""A gain, a loss or a level."""
 NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, unit="dB"))]
 """Noise over the thermal noise, not negative."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
-"""A standard deviation of a height."""
 Factor = Annotated[float, Parameter(validator=Between(above=0))]
 """A ratio, such as that of simulated time to real time."""
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
 """Ids of tags; the tunnel has four bytes for one."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]
-"""Share of a whole, 0 to 1."""

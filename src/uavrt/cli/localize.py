@@ -77,7 +77,6 @@ def localize(
 
 
 def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
-    """Numbers that are used for more than one tag."""
     known = {(one.tag_id, one.frequency_hz) for one in found}
     numbers = [tag_id for tag_id, _ in known]
     return frozenset(one for one in numbers if numbers.count(one) > 1)
@@ -108,7 +107,6 @@ def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
 
 
 def _way(found: "Position") -> list[str]:
-    """Sentence with some points of a moving tag's path."""
     step = max(1, -(-len(found.track) // _MOST_POINTS))
     return [
         f"{told_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "

@@ -163,7 +163,6 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
 
 
 def _noise(flight: Path) -> dict[str, Any]:
-    """Noise rise of a past flight."""
     from uavrt.analysis.flight_noise import flight_noise_of
 
     found = flight_noise_of(flight)

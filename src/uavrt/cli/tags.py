@@ -195,7 +195,6 @@ def correct(
 
 
 def _read(path: Path) -> "TagSource":
-    """Read tags from any supported file, by the rules of tag files."""
     from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
     from uavrt.config.tag_files import faults_of_tags
 
@@ -209,7 +208,6 @@ def _read(path: Path) -> "TagSource":
 
 
 def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
-    """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` in its folder."""
     from uavrt.ground.store.tag_table import import_rows, tags_from_rows
 
     found, faults = tags_from_rows(import_rows(_databases(path)))

@@ -44,15 +44,12 @@ _NO_LIST = "not a list of tags: write - id: 12"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cell:
-    """One or more values with a name, each with its line."""
-
     text: str
     line: int
     items: tuple[tuple[str, int], ...] | None = None
 
     @property
     def parts(self) -> tuple[tuple[str, int], ...]:
-        """Several values, also from one text."""
         if self.items is not None:
             return self.items
         return tuple((part, self.line) for part in re.split(r"[\s,;]+", self.text.strip("[] ")))
@@ -113,7 +110,6 @@ def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def _tags_of(node: Node, faults: list[Fault]) -> list[tuple[Node, str | None]]:
-    """Tags of a block, each with its name."""
     value = node.value
     if isinstance(value, dict):
         inside = [value[key] for key in ("tags", "codes") if key in value]

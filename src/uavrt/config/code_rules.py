@@ -19,7 +19,6 @@ MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
 CODED_K = 10
-"""Most bursts summed."""
 GAP_TOLERANCE_S = 1.5e-3
 """Tolerance of all gaps of a burst together [s]."""
 BURST_TOLERANCE_MS = 4.0
@@ -137,7 +136,6 @@ class _Codes:
 
 
 def _are_same(one: _Code, other: _Code) -> bool:
-    """Compare codes with equal numbers of gaps."""
     return (
         abs(one.frequency_khz - other.frequency_khz) < _SAME_KHZ
         and abs(one.interval_ms - other.interval_ms) < BURST_TOLERANCE_MS

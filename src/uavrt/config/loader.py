@@ -219,7 +219,6 @@ def _setting_lines(key: str, entry: dict[str, Any]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Docstring without its markup, wrapped."""
     joined = " ".join(text.replace("``", "").split())
     return textwrap.fill(joined, _WIDTH, break_long_words=False, break_on_hyphens=False)
 

@@ -27,12 +27,9 @@ class Parameter:
 
     name: str
     table: str
-    """Table of ``uavrt.toml``."""
     field: str
-    """Name of the setting in the table."""
     kind: Kind
     short: str
-    """Short description for a list."""
     meaning: str
     low: float = 0
     high: float = 1

@@ -19,7 +19,6 @@ class RadioRow:
 
     kind: str
     title: str
-    """The radio's name for people."""
     gains: tuple[int, int]
     """Lowest and highest gain in the radio's own steps."""
     default_gain: int | None = None
@@ -35,7 +34,6 @@ class RadioRow:
     rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
     """Supported sample rates: lowest and highest of each range [Hz]."""
     rates_note: str = ""
-    """Sample rates by model."""
     receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
     """Lowest and highest radio frequency of each range [MHz]."""
     tunes_in_float32: bool = False

@@ -19,9 +19,9 @@ from uavrt.foreign import SETTINGS, read_file
 
 Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
+"""New values by table and key; None: the default again."""
 _MOST_LINES = 200
 """Most lines of one value."""
-"""New values by table and key; None: the default again."""
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
@@ -131,5 +131,4 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
 
 
 def _without_empty(document: dict[str, Any]) -> dict[str, Any]:
-    """Leave out tables without keys."""
     return {name: value for name, value in document.items() if value != {}}

@@ -53,7 +53,6 @@ class TagCorrection:
         return same and self.applied(other.before) == other.before
 
     def __str__(self) -> str:
-        """Line for the operator."""
         return (
             f"tag {self.tag_id}: {_listed(self.after, self)}, was {_listed(self.before, self)}"
         )

@@ -118,7 +118,6 @@ def _check(draft: TagDraft, faults: list[Fault]) -> None:
 
 
 def _fault_of_number(quantity: Quantity, entry: Entry) -> str | None:
-    """Check a number alone; None when it is good."""
     n = entry.number
     if not math.isfinite(n):
         return "is not a finite number"
@@ -162,7 +161,6 @@ def _fault_of_frequency(n: float, unit: str) -> str | None:
 
 
 def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
-    """Check combinations of numbers that are valid alone."""
     found: list[tuple[Entry, str]] = []
     first, second = entries.get("interval"), entries.get("second_interval")
     intervals = [entry for entry in (first, second) if entry is not None]

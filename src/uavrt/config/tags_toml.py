@@ -195,7 +195,6 @@ def _read_code(
     draft: TagDraft,
     faults: list[Fault],
 ) -> None:
-    """Read the fields of a coded tag."""
     given = [key for key in _CODED_KEYS if key in table]
     if not given:
         return

@@ -41,8 +41,6 @@ SAY_EVERY_S = 10.0
 
 @dataclass(slots=True)
 class _Drone:
-    """One drone, and its reports."""
-
     side: SimulatedDrone
     reader: StatusReader
     view: DemoView
@@ -55,7 +53,6 @@ class _Drone:
         return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
-        """Read the supervisor's records."""
         for topic, record in self.reader.read(wait_s):
             match record:
                 case Pulse() if record.tag_id in self.view.tags:

@@ -26,7 +26,6 @@ RADIUS_M = 260.0
 WISH_M = 25.0
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
-"""Speeds of the simulated vehicle."""
 START_LEAD_S = 2.0
 READY_TIMEOUT_S = 30.0
 SETTLES_S = 2.5
@@ -50,7 +49,6 @@ class SoughtAnimal:
     error_m: float | None
     """Distance from its true place at that moment."""
     radius95_m: float
-    """Radius reported by the search."""
     walked_m: float
     """Distance walked since the start of the search."""
     pulses: int
@@ -67,7 +65,6 @@ class SearchSummary:
     duration_s: float
     decisions: int
     commands: int
-    """Number of motion commands to the vehicle."""
     guide_cpu_percent: float
     """CPU of the guide over the search, of one core."""
     guide_memory_mb: float
@@ -108,9 +105,7 @@ class Among:
 
     number: int
     ground_port: int
-    """Port of the common ground station."""
     start_ns: int
-    """Start of the common world."""
 
     @property
     def height_m(self) -> float:
@@ -127,8 +122,6 @@ class Among:
 
 @dataclass(slots=True)
 class _Seen:
-    """Reports of the drone side so far."""
-
     notes: list[SearchNote] = field(default_factory=list)
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
     """With the time, during the search."""

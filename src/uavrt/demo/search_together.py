@@ -119,7 +119,6 @@ class TogetherDemo:
             self._ended[number] = error
 
     def _apart_m(self, summaries: dict[str, SearchSummary]) -> float:
-        """Least distance of the simulated vehicles' true places."""
         paths = {
             number: FlownPath(
                 Path(summaries[str(number)].flight_directory) / "flown.path",

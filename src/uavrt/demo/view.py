@@ -18,7 +18,6 @@ from uavrt.messages import Pulse, SystemStatus, Tag
 from uavrt.monitor.tables import plain_table
 
 RATE_WINDOW_S = 60.0
-"""Window for the rate of pulses."""
 FRESH_S = 5.0
 WIDE = 100
 """Columns from which all is shown: a terminal of 80 has neither bars nor units in cells."""

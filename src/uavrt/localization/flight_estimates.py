@@ -55,7 +55,6 @@ OTHER_TAG_HZ = 10_000.0
 """Frequency difference beyond which one number is two tags: crystals drift by less, and logs
 with six digits round to as much."""
 LEAST_TURNS = 3
-"""Least number of turns to learn a pattern."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -65,7 +64,6 @@ _GOES_ON_NS = 10_000_000_000
 _WHOLE_DEG = 270.0
 _LEAST_TO_LEARN = 12
 _MOST_TURNS = 24
-"""Most turns used to learn a pattern; more improve it little."""
 _TICK_NS = 256
 """Resolution of times; see `Heard.of`."""
 _LEAST_HEIGHT_M = 2.0
@@ -134,7 +132,6 @@ class TagPosition:
     frequency_hz: float | None = None
     """Median of the pulses, where logs with pulses were read."""
     name: str | None = None
-    """Name in the flights' tag lists."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -254,7 +251,6 @@ def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
 
 
 def _whole_log(tag_id: int, pulses: PulseColumns, poses: PoseColumns) -> HeardInTurn:
-    """All pulses of a tag as those of one turn."""
     yaw = np.unwrap(poses.yaw_deg, period=360.0)
     turn = Turn(
         start_time_ns=int(poses.time_ns[0]),

@@ -156,7 +156,6 @@ class PulseColumns:
     """Pulses that have a pose and a power, in order of time."""
 
     time_ns: NDArray[np.int64]
-    """(n,) starts."""
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
@@ -341,7 +340,6 @@ class Heard:
     """One receiver's pulses and poses in a flight or log, in columns."""
 
     pulses: Mapping[int, PulseColumns]
-    """Of each tag."""
     poses: PoseColumns
     """Poses of the vehicle, and the pulses' own in gaps; `POSE_STEP_NS` apart."""
     tags: tuple[Tag, ...] = ()
@@ -492,7 +490,6 @@ def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _thinned(poses: PoseColumns) -> PoseColumns:
-    """First pose of each step of `POSE_STEP_NS`."""
     if not len(poses.time_ns):
         return poses
     slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS

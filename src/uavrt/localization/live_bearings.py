@@ -160,7 +160,6 @@ def bearing_from_drone(one: LiveBearing) -> TagBearing:
 
 
 def _von_mises(bearing_deg: float, sigma_deg: float) -> NDArray[np.float64]:
-    """(360,) probabilities of whole degrees."""
     off = np.radians(np.arange(360.0) - bearing_deg)
     density = np.exp((np.cos(off) - 1.0) / np.radians(max(sigma_deg, 0.5)) ** 2)
     return np.asarray(density / density.sum())

@@ -36,11 +36,10 @@ class Raster:
     x: float
     """First column's points: longitude [deg] or easting [m]."""
     y: float
-    """First row's points."""
     step_x: float
-    """Between columns, to the east."""
+    """Step between columns, positive to the east."""
     step_y: float
-    """Between rows, to the south."""
+    """Step between rows, positive to the south."""
     rows: int
     columns: int
     datum: str | None
@@ -202,9 +201,7 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
 
 
 def _between(points: NDArray[np.float32], row: _Floats, column: _Floats) -> _Floats:
-    """Bilinear interpolation; unknown where the nearest point is, else unknown points are
-    ignored.
-    """
+    """Bilinear interpolation; NaN where the nearest point is unknown, else of known points."""
     rows, columns = points.shape
     r = np.clip(np.floor(row).astype(np.intp), 0, max(rows - 2, 0))
     c = np.clip(np.floor(column).astype(np.intp), 0, max(columns - 2, 0))
@@ -224,7 +221,6 @@ def _between(points: NDArray[np.float32], row: _Floats, column: _Floats) -> _Flo
 
 
 def _projected(epsg: int, lat: _Floats, lon: _Floats) -> tuple[_Floats, _Floats]:
-    """X and y of places in a raster's coordinates."""
     if epsg == 4326:
         return lon, lat
     from scipy.interpolate import RectBivariateSpline  # 20 MB that the drone needs only here

@@ -70,14 +70,11 @@ class _Unread(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Blocks:
-    """Places and packing of a file's strips or tiles."""
-
     path: Path
     order: str
     rows: int
     columns: int
     high: int
-    """Height of a block."""
     wide: int
     places: tuple[int, ...]
     sizes: tuple[int, ...]
@@ -114,7 +111,6 @@ def geotiff_raster(path: Path) -> Raster:
 
 
 def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
-    """Byte order, and the values of the first image's tags."""
     head = file.read(16)
     order = {b"II": "<", b"MM": ">"}.get(head[:2])
     if order is None or len(head) < 8:
@@ -260,7 +256,6 @@ def _utm_of(epsg: int) -> int | None:
 
 
 def _origin(tags: dict[int, Any]) -> tuple[float, float, float, float]:
-    """Corner of the first pixel, and steps to the east and to the south."""
     if 34264 in tags:
         xx, xy, _, x, yx, yy, _, y = tags[34264][:8]
         if xy or yx or xx <= 0.0 or yy >= 0.0:
@@ -274,7 +269,6 @@ def _origin(tags: dict[int, Any]) -> tuple[float, float, float, float]:
 
 
 def _points(blocks: _Blocks, window: tuple[int, int, int, int]) -> NDArray[np.float32]:
-    """Read the blocks of a window."""
     top, bottom, left, right = window
     points = np.full((bottom - top, right - left), np.nan, np.float32)
     across = math.ceil(blocks.columns / blocks.wide)
@@ -297,7 +291,6 @@ def _points(blocks: _Blocks, window: tuple[int, int, int, int]) -> NDArray[np.fl
 
 
 def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
-    """Unpack one strip or tile."""
     high = blocks.high
     if blocks.wide == blocks.columns:  # the last strip is cut to the picture, a tile never
         high = min(high, blocks.rows - number * high) if high < blocks.rows else high

@@ -264,8 +264,6 @@ class LossesFrom:
 
 
 class _Squares:
-    """Ground heights, and the cached losses over them."""
-
     def __init__(
         self,
         elevation: Elevation,

@@ -13,7 +13,6 @@ from uavrt.terrain.elevation import Elevation
 _Floats = NDArray[np.float64]
 _MOST_CELLS = 16_000_000
 _ROWS = 400
-"""Rows read at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

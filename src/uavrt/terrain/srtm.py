@@ -75,7 +75,6 @@ def srtm_raster(path: Path) -> Raster:
 
 
 def _zipped(path: Path) -> tuple[str, int]:
-    """Name and size of the one tile in a zip."""
     with open_zip(path, ZIPPED_TILE) as archive:
         found = [one for one in archive.infolist() if one.filename.lower().endswith(".hgt")]
         if len(found) != 1:

@@ -14,8 +14,8 @@ from uavrt.simulation.airframe import Flavour
 
 PX4_BUILD = Path("build/px4_sitl_default")
 PX4_GROUND_PORT, PX4_COMPANION_PORT, PX4_SENDS_TO = 18_570, 14_580, 14_540
-"""UDP ports of PX4's instance 0: of its link to ground stations, of its link to the companion,
-and the one that it sends to the companion."""
+"""UDP ports of PX4's instance 0: its links to ground stations and to the companion, and the
+port to which it sends."""
 PX4_PORTS = (PX4_GROUND_PORT, PX4_COMPANION_PORT, PX4_SENDS_TO, 14_280, 13_030, 19_450)
 """UDP ports that instance 0 binds; instance n binds each of them plus n."""
 PX4_PARAMETERS = {
@@ -51,7 +51,7 @@ Place = tuple[str, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Started:
-    """How an autopilot is started, and the addresses of its two links."""
+    """Command line of an autopilot, and the addresses of its two links."""
 
     command: tuple[str, ...]
     environment: Mapping[str, str] = field(default_factory=dict)
@@ -169,14 +169,13 @@ def arducopter_build(program: Path) -> Build:
 
 
 def _build(kind: str, flavour: Flavour, program: Path) -> Build:
-    """Name a build after its program's content: what another build flew is not its own."""
     with program.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return Build(name=f"{kind} {digest[:8]}", flavour=flavour, program=program.resolve())
 
 
 def simulated_build(flavour: Flavour) -> Build:
-    """Our own simulated autopilot, to compare with."""
+    """Our own simulated autopilot, for comparison."""
     return Build(
         name=f"simulated {flavour}",
         flavour=flavour,

@@ -52,7 +52,7 @@ class _NotTakenError(UavrtError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """How many flights of each kind."""
+    """Number of flights of each kind."""
 
     surveys: int = 20
     searches: int = 10
@@ -65,14 +65,14 @@ class Asked:
     seed: int = 1
 
     def times(self, order: str) -> int:
-        """How often an order is flown."""
+        """Number of flights of an order."""
         named = {"survey": self.surveys, "search": self.searches, "takeoff": self.takeoffs}
         return named.get(order, self.others)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A flight that is to be flown."""
+    """A planned flight."""
 
     build: Build
     order: str
@@ -82,7 +82,7 @@ class Flight:
 
     @property
     def name(self) -> str:
-        """Its own, also that of its file."""
+        """Unique name, also that of its file."""
         what = self.order if self.takeover is None else f"taken over, {self.takeover.name}"
         return f"{self.build.name}, {what}, {self.number}"
 
@@ -121,14 +121,15 @@ def rehearse(
     failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> None:
-    """Fly what `kept` does not have yet; it keeps each flight at once, so Ctrl-C is safe.
+    """Fly what `kept` does not have yet; each result is stored at once, so Ctrl-C loses
+    nothing.
 
     `frames`: directory for the frames of each flight.
-    `failed`: gets the flights that were not flown to their end, which are flown again next
+    `failed`: receives the flights that were not flown to their end, which are repeated next
     time.
     `say`: takes a line of progress.
-    Raises `UsageError`: no flight is asked for.
-    Raises `UavrtError`: an autopilot does not start, or four times does not start again.
+    Raises `UsageError`: no flight is requested.
+    Raises `UavrtError`: an autopilot does not start, or four times does not restart.
     """
     if not any(planned(builds, asked)):
         raise UsageError(
@@ -181,7 +182,7 @@ async def _session(
 
 
 async def _tried(scene: RunningScene, flight: Flight, frames: Path) -> dict[str, Any]:
-    """Fly it; a takeover that found nothing to take over is flown again."""
+    """Fly it; repeat if the order had ended before the takeover."""
     for attempt in range(TRIES):
         try:
             return await _Rehearsed(scene, flight, frames, attempt).flown()
@@ -192,15 +193,12 @@ async def _tried(scene: RunningScene, flight: Flight, frames: Path) -> dict[str,
 
 
 class _Rehearsed:
-    """One flight."""
-
     def __init__(self, scene: RunningScene, flight: Flight, frames: Path, attempt: int) -> None:
         self._scene, self._flight, self._frames = scene, flight, frames
         self._rng = random.Random(f"{flight.name} {flight.seed} {attempt}")
         self._directory = ""
 
     async def flown(self) -> dict[str, Any]:
-        """Fly it; get what came out, for JSON."""
         scene, flight = self._scene, self._flight
         scene.check()
         hand, order = scene.hand, flight.order
@@ -232,7 +230,7 @@ class _Rehearsed:
         return outcome
 
     async def _ordered(self) -> dict[str, Any]:
-        """Ask, confirm, and follow it to its end."""
+        """Request an order, confirm it, and follow it to its end."""
         scene, flight = self._scene, self._flight
         offer = await self._offer()
         scene.states.clear()
@@ -246,11 +244,11 @@ class _Rehearsed:
         if takeover is not None:
             takeover.undo(scene)
         kept = list(scene.companion.kept)
-        told = next((one.text for at, one in scene.states if at == out_s), "not ended")
+        ending = next((one.text for at, one in scene.states if at == out_s), "not ended")
         outcome: dict[str, Any] = {
-            "ended": told,
+            "ended": ending,
             "duration_s": (out_s or scene.now_s) - confirmed_s,
-            "arrived": takeover is None and has_arrived(told),
+            "arrived": takeover is None and has_arrived(ending),
             "flying": asdict(flying_of(kept, taken_s or math.inf)),
         }
         if takeover is not None and taken_s is not None:
@@ -260,7 +258,7 @@ class _Rehearsed:
         return outcome
 
     async def _offer(self) -> Any:
-        """Ask until the drone has what it needs to offer it."""
+        """Repeat the request until the drone offers the order."""
         deadline_s = monotonic_s() + ASKS_S
         while True:
             try:
@@ -297,7 +295,7 @@ class _Rehearsed:
         return motion_request(order)
 
     async def _taken_over(self, takeover: Takeover) -> tuple[float, Any]:
-        """Let the order begin and go on for a while; then act."""
+        """Wait until the order is under way, then act."""
         scene = self._scene
         deadline_s, begun_s = monotonic_s() + UNDER_WAY_S, math.inf
         after_s = self._rng.uniform(*TAKEN_AFTER_S)
@@ -318,7 +316,7 @@ class _Rehearsed:
 
     @property
     def _ended(self) -> float | None:
-        """When the drone reported the end of the order."""
+        """Time at which the drone reported the end of the order."""
         states = list(dropwhile(lambda one: one[1].standing == "out", self._scene.states))
         return next((at for at, one in states if one.standing == "out"), None)
 
@@ -349,8 +347,8 @@ class _Rehearsed:
                 continue
             truth = heading_at(scene.hand.heading, s_from_ns(one.pose.time_ns))
             if truth is not None:
-                told = yaw_deg(one.pose.quaternion_wxyz)
-                errors.append(wrap_degrees_180(told - truth))
+                heading_deg = yaw_deg(one.pose.quaternion_wxyz)
+                errors.append(wrap_degrees_180(heading_deg - truth))
         return {"pulses": [arrived, len(sent)], "yaw_errors_deg": errors}
 
     async def _left(self) -> None:
@@ -382,7 +380,6 @@ def _name_of(one: PulsePose) -> tuple[int, int]:
 
 
 def _away(place: tuple[float, float], distance_m: float, way_deg: float) -> tuple[float, float]:
-    """A place so far from another."""
     return moved(
         *place,
         HEIGHT_M,

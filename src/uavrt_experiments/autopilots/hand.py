@@ -1,6 +1,6 @@
 """The pilot of a rehearsal: a ground station that arms, takes off and takes over.
 
-This is a client of the experiment. Nothing of it runs on a drone, and uavrt never arms.
+This is a client of the experiment. None of it runs on a drone, and uavrt never arms.
 """
 
 import asyncio
@@ -54,7 +54,7 @@ class Foreign(Message):
 
 
 class Hand:
-    """What the pilot sees and does.
+    """A simulated pilot's view and commands.
 
     `tap`: the autopilot's link to ground stations.
     """
@@ -68,14 +68,14 @@ class Hand:
         self.position: dialect.GlobalPositionInt | None = None
         self.target: dialect.PositionTargetGlobalInt | None = None
         self.heading: list[tuple[float, float]] = []
-        """Time [s] and heading [deg] of each attitude that arrived."""
+        """Time [s] and heading [deg] of each received attitude."""
         self.on_ground = True
         self.texts: list[str] = []
         self.channels_us: tuple[int, ...] = ()
         """Sticks of the remote control [us]; empty: it is switched off."""
         self.moved: Callable[[float, dialect.GlobalPositionInt], None] = lambda _t, _p: None
         self.check: Callable[[], None] = lambda: None
-        """Raises an error when waiting has no use: a program has ended."""
+        """Raises an error when waiting is useless: a program has ended."""
 
     async def live(self) -> None:
         """Send heartbeats and sticks until cancelled."""
@@ -138,7 +138,7 @@ class Hand:
         return 0.0 if p is None else math.hypot(p.vx, p.vy, p.vz) / 100.0
 
     async def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
-        """Wait; raises `UavrtError` with the autopilot's last words."""
+        """Wait; raises `UavrtError` with the autopilot's last message."""
         deadline_s = monotonic_s() + timeout_s
         while not condition():
             self.check()

@@ -1,4 +1,4 @@
-"""What the frames of a flight show of how the autopilot flies. Pure."""
+"""Flight characteristics of an autopilot from the frames of a flight. Pure."""
 
 import bisect
 import math
@@ -58,7 +58,7 @@ Command = dialect.CommandInt | dialect.CommandLong
 
 
 def is_motion(message: Message) -> bool:
-    """Whether a message asks a vehicle to move, turn or change its mode."""
+    """True if a message commands a vehicle to move, turn or change its mode."""
     return isinstance(message, dialect.CommandInt | dialect.CommandLong) and (
         message.command
         in (
@@ -74,7 +74,7 @@ def is_motion(message: Message) -> bool:
 
 
 def commands_of(kept: Iterable[Kept]) -> list[tuple[float, Command]]:
-    """All commands of motion that uavrt sent, with their times."""
+    """All motion commands sent by uavrt, with their times."""
     return [
         (one.time_s, message)
         for one in kept
@@ -86,18 +86,18 @@ def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
     """Measure each leg up to the next command, or to the end of the frames.
 
     `kept`: frames of the companion link, in their order.
-    `out_s`: when a takeover came: nothing after it is uavrt's flight.
+    `out_s`: time of a takeover, after which uavrt no longer flies.
     """
     found: dict[str, list[float]] = {name: [] for name in Flying.__slots__}
     commands = [one for one in commands_of(kept) if one[0] < out_s]
-    told = [
+    positions = [
         (one.time_s, message)
         for one in kept
         if not one.ours and isinstance(message := one.message, dialect.GlobalPositionInt)
     ]
-    if not told:
+    if not positions:
         return Flying(**dict.fromkeys(found, ()))
-    first = told[0][1]
+    first = positions[0][1]
     plane = TangentPlane(
         latitude_deg=first.lat / FULL_SCALE_DEG,
         longitude_deg=first.lon / FULL_SCALE_DEG,
@@ -109,7 +109,7 @@ def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
 
     places = [
         Place(time_s, *metres(one.lat, one.lon), one.alt / 1e3, one.hdg / 100.0)
-        for time_s, one in told
+        for time_s, one in positions
         if time_s < out_s
     ]
     times = [one.time_s for one in places]
@@ -170,7 +170,7 @@ def _begins(
     bearing: Callable[[Place], float],
     message: dialect.CommandInt,
 ) -> float | None:
-    """When the drone came nearer in place, height or heading; a turn to the target counts."""
+    """Time of the first approach in place, height or heading; a turn to the target counts."""
 
     def off_deg(one: Place) -> float:
         asked = math.isfinite(message.param4)
@@ -217,7 +217,7 @@ def heading_at(heading: Sequence[tuple[float, float]], time_s: float) -> float |
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
-    """What uavrt did after a takeover, by the frames of the companion link."""
+    """uavrt's reaction to a takeover, by the frames of the companion link."""
 
     shown_s: float | None
     """From the takeover to the message that reveals it; None: no message does."""
@@ -226,7 +226,7 @@ class Reaction:
     commands_after: int
     """Commands after that message, or after the end of the order if that came first."""
     crossed: int
-    """Commands between the takeover and that message: nothing could have been known yet."""
+    """Commands between the takeover and that message, when uavrt could not know."""
 
 
 def reaction(
@@ -235,11 +235,11 @@ def reaction(
     out_s: float | None,
     shows: Callable[[Message], bool] | None,
 ) -> Reaction:
-    """Judge a takeover.
+    """Evaluate a takeover.
 
-    `taken_s`: when the pilot acted.
-    `out_s`: when uavrt said that the order had ended.
-    `shows`: whether a message of the autopilot reveals the takeover.
+    `taken_s`: time of the pilot's action.
+    `out_s`: when uavrt reported the end of the order.
+    `shows`: recognises the message of the autopilot that reveals the takeover.
     """
     shown = next(
         (

@@ -39,7 +39,7 @@ BATTERY_WH, SPEED_M_S, FENCE_M = 3000.0, 5.0, 900.0
 
 
 class RunningScene:
-    """Everything of a rehearsal that runs; made by `running`."""
+    """Running programs of a rehearsal; made by `running`."""
 
     def __init__(
         self, build: Build, work: Path, seed: int, logs: Path, stack: contextlib.AsyncExitStack
@@ -63,7 +63,6 @@ class RunningScene:
         self._programs: list[Program] = []
 
     def _start(self, name: str, arguments: Sequence[str], **values: Any) -> None:
-        """Start a program that ends with the scene."""
         made = Program(name, arguments, Path(f"{self._logs}, {name}.log"), **values)
         self._stack.push_async_callback(asyncio.to_thread, made.stop)
         self._programs.append(made)
@@ -101,10 +100,10 @@ class RunningScene:
         )
         writer, last = PathWriter(self._path.flown), [0.0]
 
-        def moved(time_s: float, told: dialect.GlobalPositionInt) -> None:
+        def moved(time_s: float, reported: dialect.GlobalPositionInt) -> None:
             if time_s - last[0] >= PATH_S:
                 last[0] = time_s
-                writer.add([(_pose(time_s, told), told.hdg / 100.0)])
+                writer.add([(_pose(time_s, reported), reported.hdg / 100.0)])
 
         self.hand.moved = moved
         settings = drone_settings(self.scenario, self._path, ports[1], flies=True)
@@ -145,12 +144,12 @@ class RunningScene:
 
     @property
     def now_s(self) -> float:
-        """Time, as frames are stamped."""
+        """Time of the frames' stamps."""
         return s_from_ns(self.clock.now_ns())
 
     @property
     def standing(self) -> str:
-        """Standing of the order, as the drone last reported it."""
+        """State of the order, as last reported by the drone."""
         return self.states[-1][1].standing if self.states else "out"
 
     def pid_of(self, process: str) -> int:
@@ -180,12 +179,12 @@ async def running(
         yield scene
 
 
-def _pose(time_s: float, told: dialect.GlobalPositionInt) -> Pose:
+def _pose(time_s: float, reported: dialect.GlobalPositionInt) -> Pose:
     return Pose(
         time_ns=ns_from_s(time_s),
-        latitude_deg=told.lat / 1e7,
-        longitude_deg=told.lon / 1e7,
-        altitude_amsl_m=told.alt / 1e3,
-        altitude_relative_m=told.relative_alt / 1e3,
-        quaternion_wxyz=from_euler_deg(told.hdg / 100.0, 0.0, 0.0),
+        latitude_deg=reported.lat / 1e7,
+        longitude_deg=reported.lon / 1e7,
+        altitude_amsl_m=reported.alt / 1e3,
+        altitude_relative_m=reported.relative_alt / 1e3,
+        quaternion_wxyz=from_euler_deg(reported.hdg / 100.0, 0.0, 0.0),
     )

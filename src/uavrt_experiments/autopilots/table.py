@@ -30,7 +30,7 @@ def median(values: Sequence[float]) -> float:
 
 
 def flavour_of(name: str) -> Flavour:
-    """Kind of the build of this name."""
+    """Kind of the build with this name."""
     return "px4" if "px4" in name.lower() else "ardupilot"
 
 
@@ -40,7 +40,7 @@ def names_of(outcomes: Iterable[Outcome]) -> list[str]:
 
 
 def counted(words: Iterable[str]) -> str:
-    """Say how often each text came, as "2 × done"."""
+    """Counts of equal texts, as "2 × done"."""
     return "; ".join(f"{count} × {what}" for what, count in Counter(words).items())
 
 
@@ -59,7 +59,7 @@ def order_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def takeover_lines(outcomes: Sequence[Outcome]) -> Lines:
-    """Takeovers: commands afterwards, and how fast uavrt was out."""
+    """Takeovers: later commands, and uavrt's reaction time."""
     lines = [
         ["autopilot", "takeover", "flown", "commands after", "last command, s", "out, s", ""]
     ]
@@ -83,7 +83,7 @@ def takeover_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
-    """How each autopilot flies: medians, and the largest of how long it takes to begin."""
+    """Flight characteristics of each autopilot: medians, and the largest delay."""
     lines = [["autopilot", "figure", "median", "largest", "of"]]
     for name in names_of(outcomes):
         mine = [one for one in outcomes if one["build"] == name]
@@ -137,7 +137,7 @@ def compared(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def faults_in(outcomes: Sequence[Outcome]) -> list[str]:
-    """One line for each flight that does not meet what is asked of it."""
+    """One line for each flight that violates a requirement."""
     whats = [(one, _fault_in(one)) for one in outcomes]
     return [
         f"{one['build']}, {one['takeover'] or one['order']}: {what}"

@@ -24,22 +24,22 @@ CUT_S = 7.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Takeover:
-    """One way to take the drone over, and what shows it."""
+    """One way to take the drone over, and the message that reveals it."""
 
     name: str
     act: Callable[[Scene], None]
     shows: Callable[[Hand], Shows] | None = None
-    """Made before it acts; None: no message reveals it, uavrt must notice by itself."""
+    """Called before it acts; None: no message reveals it, uavrt must notice by itself."""
     flavours: tuple[Flavour, ...] = BOTH
     stops: bool = False
-    """It shows by the drone's standing: out within 4 s of that."""
+    """It is revealed by the drone's stop, and must end the order within 4 s of it."""
     undo: Callable[[Scene], None] = lambda _: None
     restarts: bool = False
-    """The autopilot is started again afterwards."""
+    """True: the autopilot is restarted afterwards."""
     real_only: bool = False
-    """uavrt's simulated autopilot does not read the message or parameter that takes over."""
+    """True: uavrt's simulated autopilot does not read its message or parameter."""
     sticks: bool = False
-    """A remote control is switched on before."""
+    """True: a remote control is switched on before."""
 
 
 def _mode(name: str) -> Callable[[Scene], None]:
@@ -50,17 +50,17 @@ def _other_mode(hand: Hand) -> Shows:
     own = MODES[hand.flavour]["hold"]
 
     def shows(message: Message) -> bool:
-        told = isinstance(message, dialect.CurrentMode) or (
+        reported = isinstance(message, dialect.CurrentMode) or (
             isinstance(message, dialect.Heartbeat)
             and message.autopilot != dialect.MavAutopilot.INVALID
         )
-        return told and message.custom_mode != own  # type: ignore[attr-defined]
+        return reported and message.custom_mode != own  # type: ignore[attr-defined]
 
     return shows
 
 
 def _failing(hand: Hand) -> Shows:
-    """A failsafe shows before the mode that follows from it."""
+    """True for a failsafe, which precedes its mode."""
     other_mode = _other_mode(hand)
 
     def shows(message: Message) -> bool:
@@ -71,7 +71,7 @@ def _failing(hand: Hand) -> Shows:
 
 
 def _goal(hand: Hand) -> tuple[int, int, float]:
-    """Where it flies to; where it is while it has no target."""
+    """Target; its present place without one."""
     target, position = hand.target, hand.position
     if target is not None:
         return target.lat_int, target.lon_int, target.alt
@@ -189,9 +189,9 @@ def _fence(scene: Scene, *, on: bool) -> None:
 
 
 def _battery(scene: Scene, *, empty: bool) -> None:
-    """Make the autopilot find its battery low.
+    """Make the autopilot detect a low battery.
 
-    The reported charge stays: uavrt itself returns in good time when that falls.
+    The reported charge stays, since uavrt itself returns early when it falls.
     """
     hand = scene.hand
     if hand.flavour == "px4":
@@ -273,5 +273,5 @@ TAKEOVERS: tuple[Takeover, ...] = (
 
 
 def takeovers_of(flavour: Flavour) -> list[Takeover]:
-    """Those that an autopilot has."""
+    """Takeovers supported by an autopilot."""
     return [one for one in TAKEOVERS if flavour in one.flavours]

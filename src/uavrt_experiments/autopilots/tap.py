@@ -1,4 +1,4 @@
-"""A link between an autopilot and its peer, with every frame of it kept."""
+"""A link between an autopilot and its peer that stores each frame."""
 
 import struct
 from collections.abc import Callable, Iterable, Iterator
@@ -13,9 +13,9 @@ from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import s_from_ns
 
 _STAMP = struct.Struct(">Q")
-"""Of a .tlog: microseconds since 1970 before each frame."""
+"""Time stamp before each frame of a .tlog: microseconds since 1970."""
 DRONE = 191
-"""Component of uavrt on the drone: its frames went out, all others came in."""
+"""Component of uavrt on the drone: its frames are outgoing, all others incoming."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,21 +27,21 @@ class Kept:
 
     @property
     def ours(self) -> bool:
-        """Whether uavrt on the drone sent it."""
+        """True if uavrt on the drone sent it."""
         return self.frame.component_id == DRONE
 
     @property
     def message(self) -> Message | None:
-        """What it says."""
+        """Decoded message."""
         return self.frame.message()
 
 
 class Tap:
-    """Passes datagrams on in both directions, and keeps them.
+    """Forwards datagrams in both directions, and stores them.
 
-    `autopilot`: where its link listens.
-    `port`: where we listen for it; 0: any.
-    `peer`: where the product listens.
+    `autopilot`: address of its link.
+    `port`: local port; 0: any.
+    `peer`: address of the product.
     """
 
     def __init__(
@@ -53,22 +53,22 @@ class Tap:
         self._parsers = FrameParser(), FrameParser()
         self.kept: list[Kept] = []
         self.cut = False
-        """Nothing passes."""
+        """True: no datagram passes."""
         self.heard: Callable[[Kept], None] = lambda _: None
-        """Takes each frame of the autopilot."""
+        """Receives each frame of the autopilot."""
 
     def open(self) -> None:
-        """Begin; raises `LinkError`."""
+        """Open the sockets; raises `LinkError`."""
         self._autopilot.open()
         self._peer.open()
 
     def close(self) -> None:
-        """End."""
+        """Close the sockets."""
         self._autopilot.close()
         self._peer.close()
 
     def inject(self, writer: FrameWriter, message: Message) -> None:
-        """Send a message to the autopilot, by another than the peer."""
+        """Send a message to the autopilot from another sender than the peer."""
         if not self.cut:
             self._autopilot.send(writer.encode(message))
 
@@ -93,13 +93,13 @@ class Tap:
 
 
 def write_frames(path: Path, kept: Iterable[Kept]) -> None:
-    """Write them as a .tlog, which MAVLink's other tools read, too."""
+    """Write frames as a .tlog for MAVLink's other tools."""
     with path.open("wb") as file:
         for one in kept:
             file.write(_STAMP.pack(round(one.time_s * 1e6)) + one.frame.raw)
 
 
 def read_frames(path: Path) -> list[Kept]:
-    """Read the whole frames of a .tlog, also where a crash cut its end off."""
+    """Read the whole frames of a .tlog, even if a crash cut its end off."""
     frames = stamped_frames(path.read_bytes())
     return [Kept(stamp_us / 1e6, frame) for stamp_us, frame in frames]

@@ -1,1 +1,1 @@
-"""The thesis's §5.4: how fast may messages be sent through an autopilot?"""
+"""The thesis's §5.4: message rates through an autopilot."""

@@ -1,8 +1,8 @@
-"""The same through a real autopilot, SITL or the simulated one, over two links.
+"""Message rates through a real autopilot, SITL or the simulated one, over two links.
 
-We are component 191 on the one link and a ground station on the other. What is missing is
-attributed: frames that our own socket did not take, frames that came damaged, and the rest,
-which is what lies between: the autopilot, if the links are good.
+We are component 191 on the one link and a ground station on the other. Losses are attributed:
+frames refused by our own socket, damaged frames, and the rest, which the autopilot lost if the
+links are good.
 """
 
 import asyncio
@@ -26,23 +26,23 @@ OUR_GAP_MS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRow:
-    """One series."""
+    """One series of messages."""
 
     sent: int
     gap_ms: int
-    """Between two messages; our own sender's, where `ours` says so."""
+    """Time between two messages; our own sender's, where `ours` is set."""
     received: int
     not_taken: int
     """Refused by our own socket or port."""
     damaged: int
     between: int
-    """Lost between the links: by the autopilot."""
+    """Lost between the links by the autopilot."""
     ours: bool = False
-    """Sent as in a flight: all there at once, paced by `PacedQueue`."""
+    """True: queued at once as in a flight, and paced by `PacedQueue`."""
 
     @property
     def result(self) -> Row:
-        """What was received; our own sender may lose none."""
+        """Received messages; our own sender may lose none."""
         return Row.counted(
             "capacity",
             "received through the link",
@@ -58,7 +58,7 @@ class LinkRow:
 async def run_links(
     companion: str, ground: str, counts: tuple[int, ...], gaps_ms: tuple[int, ...]
 ) -> list[LinkRow]:
-    """Send every series; raises `LinkError` when a link cannot be opened or leads nowhere."""
+    """Send every series; raises `LinkError` when a link cannot be opened or has no peer."""
     got: set[int] = set()
     autopilot = asyncio.Event()
 
@@ -147,7 +147,7 @@ async def _series(
 
 
 async def _beat(up: Link, writer: FrameWriter, down: Link) -> None:
-    """Be heard on both sides, so that the autopilot knows the ways."""
+    """Send heartbeats on both sides, so that the autopilot learns the routes."""
     ground = FrameWriter(*GROUND)
     while True:
         up.send(writer.encode(_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)))

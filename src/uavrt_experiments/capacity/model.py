@@ -1,4 +1,4 @@
-"""The simulated autopilot, fed as in the thesis, and by our own sender."""
+"""The simulated autopilot with the thesis's load, and with our own sender."""
 
 from dataclasses import dataclass, replace
 
@@ -23,12 +23,12 @@ class CapacityRow:
     gap_ms: float
     received: int
     dropped_by_autopilot: int
-    """By the autopilot's own counter; with `received` it must make `sent`."""
+    """The autopilot's own counter; with `received` it must add up to `sent`."""
     thesis: int | None
 
     @property
     def result(self) -> Row:
-        """What was received, with the thesis's number, which is the bar."""
+        """Received messages, with the thesis's number as bar."""
         bar: dict[str, float] = {}
         if self.thesis is not None and (self.sent, self.gap_ms) not in ODD:
             near = max(FEW, TOLERANCE * self.sent)
@@ -47,7 +47,7 @@ class CapacityRow:
 
     @property
     def ours(self) -> Row:
-        """What was received when our sender paced it: the bar is all."""
+        """Received messages when our sender paced them: the bar is all."""
         case = f"our sender, {self.result.case}"
         return replace(self.result, case=case, least=self.sent, most=None)
 
@@ -77,17 +77,15 @@ class _Supply:
         self._left = count
 
     def wait_ns(self, now_ns: int) -> int | None:
-        """A source's."""
         return 0 if self._left else None
 
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload:
-        """A source's."""
         self._left -= 1
         return TunnelPayload(PAYLOAD, None)
 
 
 def our_sender_row(count: int, gap_s: float = 0.020, pass_ns: int = PASS_NS) -> CapacityRow:
-    """The same with our sender: all are there at once."""
+    """The same with our sender, all messages queued at once."""
     ring, queue = ForwardRing(pass_ns=pass_ns), PacedQueue(gap_s, LinkRate())
     queue.add_source(_Supply(count), Priority.PULSE)
     received, now_ns = 0, START_NS

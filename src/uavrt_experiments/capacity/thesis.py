@@ -12,8 +12,8 @@ RECEIVED: dict[int, tuple[int, ...]] = {
 """By number sent; one entry for each gap of `GAPS_MS`."""
 
 TOLERANCE = 0.07
-"""Share of those sent by which the simulated autopilot may differ; and 4 packets, the ring's
-own size, which is all there is in the short series. The row of 100 at 3 ms, 99 received, does
-not fit the thesis's own others (0.77 of 1000 and of 1500) and is left out."""
+"""Largest difference of the simulated autopilot, as a share of those sent, plus 4 packets, the
+ring's own size. The row of 100 at 3 ms, 99 received, does not fit the thesis's own others (0.77
+of 1000 and of 1500) and is left out."""
 FEW = 4
 ODD = frozenset({(100, 3)})

@@ -88,9 +88,9 @@ def _draw(rows: list[CapacityRow], picture: Path) -> None:
         shares = [100 * (1 - row.received / row.sent) for row in series]
         (line,) = axes.plot(gaps, shares, label=f"{count} packets")
         known = [row for row in series if row.thesis is not None]
-        told = [100 * (1 - (row.thesis or 0) / row.sent) for row in known]
+        published = [100 * (1 - (row.thesis or 0) / row.sent) for row in known]
         color = line.get_color()
-        axes.plot([r.gap_ms for r in known], told, "o", color=color, fillstyle="none")
+        axes.plot([r.gap_ms for r in known], published, "o", color=color, fillstyle="none")
     axes.set(xlabel="gap [ms]", ylabel="dropped [%]", title="Lines: simulated; circles: thesis")
     axes.legend()
     figure.savefig(picture)

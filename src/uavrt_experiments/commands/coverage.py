@@ -25,13 +25,13 @@ def coverage(
     output: Path | None = None,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Check what silence and weak pulses say over hills.
+    """Check the reliability of silence and weak pulses over hills.
 
-    C1: of areas said to be empty with .94 to .96 by a flight that listens to groups of pulses,
-    how many are (.93 to .97)? C3: the same by whole flights, judged from their samples. C2: how
-    far are positions by strength off, with a map of the heights and without, and do their
-    circles of 95 % hold (.9)? Exits with 1 when a bar lies beyond the 95 % interval of what was
-    measured. About a quarter of an hour of a core. Ctrl-C prints what there is so far.
+    C1: of areas reported empty with .94 to .96 by a flight that listens to groups of pulses,
+    which share is (.93 to .97)? C3: the same by whole flights, judged from their samples. C2:
+    how far are positions by strength off, with a map of the heights and without, and do their
+    circles of 95 % hold (.9)? Exits with 1 when a bar lies beyond the 95 % interval of the
+    measurement. About a quarter of an hour of a core. Ctrl-C prints the results so far.
 
     Parameters
     ----------
@@ -42,12 +42,11 @@ def coverage(
     flights
         Surveys by strength of each kind of ground.
     seed
-        Seed of what is random.
+        Random seed.
     only
         Experiments to run, e.g. C1,C3; by default all.
     kept
-        File (.jsonl) of what every finished flight brought: the same command with it goes on
-        where it was stopped.
+        File (.jsonl) of the results of finished flights: the same command continues from it.
     output
         Also write the table to this CSV file.
     json_summary

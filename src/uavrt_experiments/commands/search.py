@@ -115,7 +115,7 @@ def search(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """How the tables are flown."""
+    """Options of the runs."""
 
     runs: int
     seed: int
@@ -124,7 +124,7 @@ class _Asked:
     baselines: bool
 
     def command(self, name: str) -> str:
-        """What repeats a table; not how many processes shared it."""
+        """Command that repeats a table, without the number of processes."""
         words = f"--only {name} --runs {self.runs} --seed {self.seed}"
         words += f" --particles {self.particles}" + (
             "" if self.baselines else " --no-baselines"
@@ -139,7 +139,7 @@ def _through_tables(
     page: Path | None,
     pictures: Path | None,
 ) -> "tuple[list[Row], bool]":
-    """Fly tables and print them; get all rows, and whether it was stopped before its end."""
+    """Fly tables and print them; returns all rows, and if it was stopped before its end."""
     from uavrt_experiments.measured import measured_now
     from uavrt_experiments.search.campaign import FOLDERS, fly_all, plan, so_far
     from uavrt_experiments.search.catalogue import SCENARIOS

@@ -1,4 +1,4 @@
-"""What the commands of experiments share: choice, progress and the end."""
+"""Common parts of the experiments' commands: choice, progress and the end."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,7 +14,7 @@ from uavrt_experiments.tables import bars_kept, drawn, write_rows
 
 
 def chosen(only: str | None, known: Iterable[str]) -> tuple[str, ...]:
-    """Names of experiments that ``--only`` asks for, in the order of `known`.
+    """Experiments named by ``--only``, in the order of `known`.
 
     Raises `UsageError`: one is unknown.
     """

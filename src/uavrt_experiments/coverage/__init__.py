@@ -1,1 +1,1 @@
-"""What silence and weak pulses say over hills (`uavrt coverage`, `uavrt localize --dem`)."""
+"""Reliability of silence and weak pulses over hills (`uavrt coverage`, `localize --dem`)."""

@@ -1,8 +1,8 @@
-"""Silence over hills: of areas said to be empty with .94 to .96, how many are?
+"""Silence over hills: share of truly empty areas among those with .94 to .96.
 
-Tags lie anywhere on the map alike, and their levels are off as the map believes them to be. For
-each tag that a flight does not hear, an area is drawn of those that the flight's map says to be
-empty with .94 to .96.
+Tags lie anywhere on the map with equal probability, and their levels vary as the map assumes.
+For each tag that a flight does not hear, an area is drawn from those that the flight's map
+gives .94 to .96 to be empty.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from uavrt_experiments.coverage.hilly import (
 )
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import wilson_interval
+from uavrt_experiments.statistics import share_of
 
 _SAID = (0.94, 0.96)
 _AREAS = 100
@@ -36,26 +36,26 @@ class MappedFlight(Protocol):
 
     @property
     def map(self) -> Coverage:
-        """Where a tag would have been heard."""
+        """Probability of hearing a tag at each place."""
 
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """Whether it hears a tag whose level is off by this difference."""
+        """True if it hears a tag with this difference of level."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silence:
-    """A method of hearing tags, whose silence is to be rated."""
+    """A method of hearing tags, whose silence is evaluated."""
 
     experiment: str
     case: str
     flight: Callable[[np.random.Generator, int], MappedFlight]
-    """Takes a generator and the flight's number."""
+    """Makes a flight from a generator and the flight's number."""
 
 
 FOLDERS = ("integration", "planning", "terrain")
-"""Of the package: where the figures come from."""
+"""Folders of the package that the figures depend on."""
 SILENCES = (
     Silence(
         experiment="C1",
@@ -75,13 +75,13 @@ def seek_tags(
     seed: int = 1,
     on_tag: Callable[[int], None] = lambda done: None,
 ) -> None:
-    """Draw tags until a number of them was not heard; what became of each is kept.
+    """Draw tags until a number of them was not heard; each result is stored.
 
     `silent`: tags that are not heard, over all flights.
-    `kept`: takes None of a tag that was heard, else whether the area drawn was empty.
+    `kept`: receives None for a tag that was heard, else True if the area drawn was empty.
     `flights`: each over other hills.
-    `seed`: with the flight's and the tag's number it makes all that is random.
-    `on_tag`: takes how many silent tags there have been.
+    `seed`: makes all that is random, with the flight's and the tag's number.
+    `on_tag`: receives the number of silent tags so far.
     """
     done = 0
     for number in range(flights):
@@ -100,7 +100,7 @@ def seek_tags(
 def _emptiness(
     flight: MappedFlight, areas: list[_Area], rng: np.random.Generator
 ) -> bool | None:
-    """Whether an area is empty after silence; None where the tag is heard."""
+    """True if an area is empty after silence; None where the tag is heard."""
     east, north = rng.uniform(-HALF_M, HALF_M, 2)
     if flight.hears(east, north, float(rng.normal(0.0, SIGMA_DB)), rng):
         return None
@@ -109,24 +109,21 @@ def _emptiness(
 
 
 def silence_rows(kind: Silence, kept: KeptOutcomes) -> list[Row]:
-    """Count the areas that were empty; no row where no tag was silent yet."""
+    """Count the areas that were empty; no row without silent tags."""
     drawn = kept.of(f"{kind.experiment} ")
-    told = [one for one in drawn if one is not None]
-    if not told:
+    empty = [one for one in drawn if one is not None]
+    if not empty:
         return []
-    low, high = wilson_interval(sum(told), len(told))
     return [
-        Row(
-            experiment=kind.experiment,
-            quantity="share of areas said to be empty with .94 to .96 that are",
-            case=f"{kind.case} over hills, ± {SIGMA_DB:g} dB",
-            figure=sum(told) / len(told),
-            low=low,
-            high=high,
-            n=len(told),
+        Row.with_interval(
+            kind.experiment,
+            "share of areas said to be empty with .94 to .96 that are",
+            f"{kind.case} over hills, ± {SIGMA_DB:g} dB",
+            share_of(sum(empty), len(empty)),
+            len(empty),
             least=0.93,
             most=0.97,
-            note=f"{len(drawn) - len(told)} more tags were heard",
+            note=f"{len(drawn) - len(empty)} more tags were heard",
         )
     ]
 

@@ -1,6 +1,6 @@
-"""Flights over hills, the maps of where they would hear a tag, and what they truly hear.
+"""Flights over hills, their coverage maps, and the pulses that they truly hear.
 
-The simulated world, which has its own propagation, says how strong each pulse comes.
+The strength of each pulse comes from the simulated world, which has its own propagation.
 """
 
 from dataclasses import replace
@@ -40,10 +40,10 @@ _HEIGHT_M = 60.0
 _SPEED_M_S = 18.0
 _RATE_HZ = 3750.0
 _GROUPS_EIRP_DBM, _WHOLE_EIRP_DBM = -63.0, -68.0
-"""At which about half of the tags on the map are heard."""
+"""Powers at which about half of the tags on the map are heard."""
 _WINDOW_HZ = 60.0
 _TURN_S = 31.35
-"""25 pulses at each stop."""
+"""Duration of 25 pulses at each stop."""
 _STOPS = 3
 _TAG = Tag(
     tag_id=1,
@@ -55,7 +55,7 @@ _TAG = Tag(
     k=3,
 )
 _SHARP_TAG = replace(_TAG, interval_uncertainty_s=0.02)
-"""Whose search takes a tenth of the time."""
+"""The tag with a narrower search, which takes a tenth of the time."""
 
 
 class _Land:
@@ -82,14 +82,13 @@ class _Land:
         return np.asarray(self.home_m + self.flown_m - self.ground(east_m, north_m))
 
     def world(self, scenario: Scenario) -> World:
-        """The true world over these hills."""
         return World(scenario, ground=lambda north, east: self.hills(east, north))
 
 
 class GroupsOverHills:
-    """A flight of which the detector's own probability says whether a group is found.
+    """A flight in which the detector's own probability decides if a group is found.
 
-    `rng`: draws the hills and the way.
+    `rng`: draws the hills and the path.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -115,7 +114,7 @@ class GroupsOverHills:
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """Whether a group of K pulses is found, by their mean energy."""
+        """True if a group of K pulses is found, by their mean energy."""
         tag = SimulatedTag(
             **_listed(_TAG),
             north_m=north_m,
@@ -138,7 +137,7 @@ class WholeFlightOverHills:
 
     Even ones turn a directional antenna at three stops, odd ones fly lines with a whip.
 
-    `rng`: draws the hills and the way.
+    `rng`: draws the hills and the path.
     """
 
     def __init__(self, rng: np.random.Generator, number: int) -> None:
@@ -185,7 +184,6 @@ class WholeFlightOverHills:
         return self._scenario.start_time_ns + ns_from_s(self._scenario.duration_s)
 
     def _poses(self, step_s: float) -> PoseColumns:
-        """Poses of the antenna from the start on."""
         count = int(self._scenario.duration_s / step_s) + 1
         start_ns = self._scenario.start_time_ns
         return PoseColumns.of(
@@ -194,7 +192,7 @@ class WholeFlightOverHills:
         )
 
     def _way(self) -> ListeningWay:
-        """Pulses of the tag as the map takes them: the first at the start of the flight."""
+        """Pulses of the tag for the map: the first at the start of the flight."""
         poses = self._poses(_SHARP_TAG.pulse_intervals_s[0])
         east, north = PLANE.to_local(poses.latitude_deg, poses.longitude_deg)
         return ListeningWay(
@@ -208,7 +206,7 @@ class WholeFlightOverHills:
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """Whether judging the channel's samples finds it."""
+        """True if judging the channel's samples finds it."""
         tag = _SHARP_TAG
         true = SimulatedTag(
             **_listed(tag),
@@ -297,7 +295,7 @@ def _budget(eirp_dbm: float) -> LinkBudget:
 
 
 def _listed(tag: Tag) -> dict[str, Any]:
-    """What the list says, as a simulated tag takes it."""
+    """List entry of a simulated tag."""
     return {
         "tag_id": tag.tag_id,
         "frequency_hz": tag.frequency_hz,

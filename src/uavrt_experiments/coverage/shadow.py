@@ -1,9 +1,9 @@
 """Positions over hills, with a map of the heights and without.
 
 Surveys by strength with an upright monopole, over hills or on both sides of a ridge. The
-simulated world's own code (`uavrt.simulation.relief`) says what the ground takes from each
-pulse; what falls below the threshold is not heard. The map is as SRTM's: a height each 30 m,
-wrong by some metres.
+simulated world's own code (`uavrt.simulation.relief`) computes the loss of each pulse by the
+ground; pulses below the threshold are not heard. The map is like SRTM's: a height each 30 m,
+with errors of some metres.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ _WAVELENGTH_M = 299_792_458.0 / FREQUENCY_HZ
 _TAG_M = 0.5
 _THRESHOLD_DB = 10.0
 _STEP_M = 9.0
-"""From pulse to pulse: 6 m/s, one each 1.5 s."""
+"""Distance between pulses: 6 m/s, one each 1.5 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,17 +42,16 @@ class OverHillsCase:
 
     name: str
     ridge: bool = False
-    """One ridge through the survey; else hills to all sides."""
+    """True: one ridge through the survey; else hills to all sides."""
     relief_m: float = 100.0
     up_m: float = 60.0
-    """Of the drone, above the take-off."""
     level_db: float = 40.0
     """SNR at 100 m on level ground."""
     fading_db: float = 3.0
     map_error_m: float = 3.0
-    """Standard deviation of the map's heights, over 60 m alike."""
+    """Standard deviation of the map's heights, constant over 60 m."""
     loss_factor: float = 1.0
-    """What the ground really takes, over what diffraction says."""
+    """True loss by the ground over that of diffraction."""
 
 
 CASES = (
@@ -75,7 +74,7 @@ def ridge_land(rng: Generator) -> Heights:
 def surveyed(
     rng: Generator, case: OverHillsCase, heights: Heights, tag: tuple[float, float]
 ) -> PowerTrack | None:
-    """Fly lines and hear what comes; None where too little does."""
+    """Fly lines and hear pulses; None for too few."""
     corners = []
     for number, north in enumerate(np.arange(-300.0, 301.0, 100.0)):
         ends = (-300.0, 300.0) if number % 2 == 0 else (300.0, -300.0)
@@ -116,7 +115,7 @@ def surveyed(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneFlight:
-    """How far a position was off, its circle of 95 %, and whether that held the tag."""
+    """Position error, 95 % circle, and if it held the tag."""
 
     miss_m: float
     radius_m: float
@@ -168,11 +167,11 @@ def survey_hills(
     seed: int = 1,
     on_flight: Callable[[int], None] = lambda done: None,
 ) -> None:
-    """Fly each case so often; errors and circles of both positions are kept.
+    """Fly each case repeatedly; errors and circles of both positions are kept.
 
     `runs`: flights of each case.
-    `seed`: with the case's and the flight's number it makes all that is random.
-    `on_flight`: takes how many flights are done.
+    `seed`: makes all that is random, with the case's and the flight's number.
+    `on_flight`: receives the number of flights done.
     """
     for number, case in enumerate(CASES):
         for index in range(runs):
@@ -182,12 +181,12 @@ def survey_hills(
 
 
 def _flown(rng: Generator, case: OverHillsCase) -> list[tuple[float, float]]:
-    """What is kept of a flight: the miss and the radius of both positions."""
+    """Results of a flight: error and radius of both positions."""
     return [(one.miss_m, one.radius_m) for one in fly(rng, case)]
 
 
 def shadow_rows(kept: KeptOutcomes) -> list[Row]:
-    """Errors and circles, without the map and with it; none of cases not yet flown."""
+    """Errors and circles, without the map and with it; none for cases not yet flown."""
     rows: list[Row] = []
     for number, case in enumerate(CASES):
         flights = kept.of(f"C2 {number} ")

@@ -1,1 +1,1 @@
-"""What the detector can do, measured: signals, trials, and the tables of the claims."""
+"""Measured performance of the detector: signals, trials, and the tables of the claims."""

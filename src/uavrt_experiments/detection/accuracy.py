@@ -1,4 +1,4 @@
-"""E5, E6, E7: how true time, frequency and SNR are, up to the antenna."""
+"""E5, E6, E7: accuracy of time, frequency and SNR, up to the antenna."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from uavrt_experiments.detection.trials import (
     detect,
 )
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import mean_interval, rms, wilson_interval
+from uavrt_experiments.statistics import mean_interval, rms, share_of
 
 _STRONG_PULSE_DB = 60.0
 
@@ -43,15 +43,13 @@ def rms_row(
     note: str = "",
 ) -> Row:
     """Root of the mean square error."""
-    value, low, high = (scale * x for x in rms(values))
-    return Row(
-        experiment=experiment,
-        quantity=quantity,
-        case=case,
-        figure=value,
-        low=low,
-        high=high,
-        n=len(values),
+    value, low, high = rms(values)
+    return Row.with_interval(
+        experiment,
+        quantity,
+        case,
+        (scale * value, scale * low, scale * high),
+        len(values),
         most=most,
         original=original,
         note=note,
@@ -71,14 +69,16 @@ def bias_row(
 ) -> Row:
     """Mean error."""
     low, high = mean_interval(values)
-    return Row(
-        experiment=experiment,
-        quantity=quantity,
-        case=case,
-        figure=scale * float(np.mean(values)) if len(values) else math.nan,
-        low=scale * low,
-        high=scale * high,
-        n=len(values),
+    return Row.with_interval(
+        experiment,
+        quantity,
+        case,
+        (
+            scale * float(np.mean(values)) if len(values) else math.nan,
+            scale * low,
+            scale * high,
+        ),
+        len(values),
         least=None if bar is None else -bar,
         most=bar,
         original=original,
@@ -102,14 +102,12 @@ def _level_rows(enr_db: float) -> Callable[[Sequence[Comparison]], list[Row]]:
                 original=original.SNR_BIAS_DB if enr_db >= 20.0 else None,
                 at=enr_db,
             ),
-            Row(
-                experiment="E5",
-                quantity="SNR standard deviation, dB",
-                case=f"ENR {enr_db:g} dB",
-                figure=spread,
-                low=spread * (1.0 - relative),
-                high=spread * (1.0 + relative),
-                n=len(errors),
+            Row.with_interval(
+                "E5",
+                "SNR standard deviation, dB",
+                f"ENR {enr_db:g} dB",
+                (spread, spread * (1.0 - relative), spread * (1.0 + relative)),
+                len(errors),
                 most=bound + 0.3,
                 note=f"bound {bound:.2f}",
             ),
@@ -228,16 +226,13 @@ def _prediction() -> Case:
 
     def rows(outcomes: Sequence[tuple[int, int]]) -> list[Row]:
         inside, asked = (sum(o[i] for o in outcomes) for i in (0, 1))
-        low, high = wilson_interval(inside, asked)
         return [
-            Row(
-                experiment="E6",
-                quantity="next pulse in the predicted window",
-                case="ENR 16 dB",
-                figure=inside / max(1, asked),
-                low=low,
-                high=high,
-                n=asked,
+            Row.with_interval(
+                "E6",
+                "next pulse in the predicted window",
+                "ENR 16 dB",
+                share_of(inside, asked),
+                asked,
                 least=0.99,
             )
         ]

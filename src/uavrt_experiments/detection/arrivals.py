@@ -1,6 +1,6 @@
-"""How a radio's samples arrive: jittered, held up, and with unreported losses.
+"""Arrivals of a radio's samples: jittered, delayed, and with unreported losses.
 
-Arrivals only, no samples: hours of a stream in a second, for what is measured by counting.
+Arrivals only, no samples: hours of a stream in a second, for measurements by counting.
 `uavrt.simulation.airspy_rx` loses and delays real samples in the same ways.
 """
 
@@ -14,42 +14,42 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivery:
-    """A radio and the way of its samples to us."""
+    """A radio and its connection to us."""
 
     sample_rate_hz: float = 3_000_000.0
     rate_error_ppm: float = 0.0
     transfer_s: float = 65_536 / 3_000_000
-    """What the radio's program writes at once."""
+    """Duration of one write of the radio's program."""
     loss_share: float = 0.0
-    """Of the samples, this share is lost without a word."""
+    """Share of the samples lost without a report."""
     loss_s: float = 0.005
     """Duration of each [s]."""
     jitter_s: float = 0.002
     """Standard deviation of each arrival's delay."""
     jitter: Literal["exponential", "normal"] = "exponential"
     stall_share: float = 0.0
-    """Of the arrivals, at this share something is held up."""
+    """Share of the arrivals that are delayed."""
     stall_s: tuple[float, float] = (0.05, 0.3)
-    """Shortest and longest stall; what came meanwhile arrives at its end."""
+    """Shortest and longest delay; later samples arrive at its end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transfer:
-    """What arrived at once."""
+    """Samples that arrived at once."""
 
     first: int
-    """Index of its first sample among those that came."""
+    """Index of its first sample among those that arrived."""
     count: int
     arrival_s: float
-    """When [s], the first sample having been taken at 0."""
+    """Arrival time [s], the first sample having been taken at 0."""
 
 
 class DeliveredStream:
-    """The arrivals of a stream, and where its samples truly belong.
+    """Arrivals of a stream, and the true times of its samples.
 
-    `delivery`: the radio and its way.
-    `duration_s`: how long.
-    `rng`: chance.
+    `delivery`: the radio and its connection.
+    `duration_s`: length.
+    `rng`: randomness.
     """
 
     def __init__(self, delivery: Delivery, duration_s: float, rng: np.random.Generator) -> None:
@@ -65,31 +65,31 @@ class DeliveredStream:
         pauses = rng.exponential(kept_s * self.true_rate_hz, count).astype(np.int64)
         places = np.cumsum(pauses)
         self.losses = places[places + gap * np.arange(1, count + 1) < self._samples]
-        """Indices, among the samples that came, before which some are missing."""
+        """Indices, among the samples that arrived, before which some are missing."""
         self.gap = gap
         """Samples of each loss."""
         self.samples = self._samples - gap * len(self.losses)
-        """How many came."""
+        """Number of samples that arrived."""
 
     @property
     def lost(self) -> int:
-        """How many samples never came."""
+        """Number of lost samples."""
         return self.gap * len(self.losses)
 
     def true_s(self, index: int) -> float:
-        """When a sample was taken [s]; the index counts those that came."""
+        """True time of a sample [s]; the index counts those that arrived."""
         missing = int(np.searchsorted(self.losses, index, side="right"))
         return (index + self.gap * missing) / self.true_rate_hz
 
     def since_loss_s(self, index: int) -> float:
-        """How long before a sample the last loss ended [s]; infinite before the first."""
+        """Time of a sample after the end of the last loss [s]; infinite before the first."""
         at = int(np.searchsorted(self.losses, index, side="right")) - 1
         if at < 0:
             return math.inf
         return (index - int(self.losses[at])) / self.true_rate_hz
 
     def transfers(self) -> Iterator[Transfer]:
-        """Return the arrivals in order."""
+        """Arrivals in order."""
         delivery, rng = self.delivery, self._rng
         size = round(delivery.transfer_s * delivery.sample_rate_hz)
         free_s = 0.0

@@ -1,7 +1,8 @@
-"""Whole bands with beepers and interference, and what the search for beeps makes of them.
+"""Whole bands with beepers and interference, and the results of the search for beeps.
 
 ``python -m uavrt_experiments.detection.beeping five 60`` measures five unknown tags at 3 MS/s
-among carriers, FM voice and impulses; ``ghosts HOURS RATE`` counts trains where nothing beeps.
+among carriers, FM voice and impulses; ``ghosts HOURS RATE`` counts false trains without
+beepers.
 """
 
 import json
@@ -110,7 +111,7 @@ class Scene:
     """Rise of the noise in a fifth of each hundredth of a second."""
     center_frequency_hz: float = CENTER_HZ
     generating_s: float = 0.0
-    """Processor time that the samples took."""
+    """Processor time of making the samples."""
     _at: int = 0
     _table: NDArray[np.complex64] | None = None
     _phases: dict[str, tuple[int, NDArray[np.float64]]] = field(default_factory=dict)
@@ -231,7 +232,7 @@ def _data_hz(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FiveResult:
-    """What `uavrt tags measure` finds of five unknown tags."""
+    """Result of `uavrt tags measure` for five unknown tags."""
 
     right: int
     wrong: tuple[str, ...]
@@ -273,7 +274,7 @@ def five(
 
 
 def _compare(measurement: Measurement, tags: Sequence[Beeper]) -> tuple[int, list[str]]:
-    """Count the tags that are right in all values; describe whatever else was found."""
+    """Count the tags with all values right; describe the other trains."""
     intervals_s = ((1.254,), (0.9,), (1.333, 2.0), (5.3,), (2.2,))
     right, wrong = 0, []
     left = dict(enumerate(tags))
@@ -308,7 +309,7 @@ def _compare(measurement: Measurement, tags: Sequence[Beeper]) -> tuple[int, lis
 def ghosts(
     hours: float, rate_hz: float, *, seed: int = 1, at_once_s: float = 600.0
 ) -> dict[str, list[Train]]:
-    """Search bands in which nothing beeps, ten minutes at a time; all trains are ghosts."""
+    """Search bands without beepers, ten minutes at a time; all trains are false."""
     kinds: dict[str, Callable[[Scene], None]] = {
         "noise": lambda scene: None,
         "impulses": lambda scene: setattr(scene, "impulses_per_s", 8.0),

@@ -1,11 +1,11 @@
-"""Many seeded trials on several processes, and the rows that they make.
+"""Many seeded trials on several processes, and their rows.
 
 A trial is a function of its own random generator, seeded by the campaign's seed, the case and
 the trial's number: the same rows come from any number of processes.
 
-600 trials begin with the 50 of the short run, so a surprise can be looked at by itself. The
-figure decides whether a bar is met; where the bar lies within the 95 % interval, the verdict
-says so, and only what lies beyond fails the command.
+600 trials begin with the 50 of the short run, so a surprise can be examined by itself. The
+figure decides if a bar is met. Where the bar lies within the 95 % interval, the verdict says
+so, and only bars outside it fail the command.
 """
 
 import math
@@ -63,7 +63,7 @@ def short_rows(case: Case, seed: int) -> list[Row]:
 
 
 def run_chunk(chunk: Chunk) -> list[Any]:
-    """Do a chunk's trials; called in whatever process."""
+    """Run a chunk's trials, in any process."""
     case = EXPERIMENTS[chunk.experiment].cases[chunk.case]
     name = zlib.crc32(f"{chunk.experiment} {case.name}".encode())
     return [
@@ -149,7 +149,6 @@ def _chunks(experiment: Experiment, trials: int, seed: int) -> list[Chunk]:
 def _in_processes(
     chunks: Sequence[Chunk], workers: int, take: Callable[[Chunk, list[Any]], None]
 ) -> None:
-    """Spawned, not forked: the parent's threads and locks stay out of it."""
     for name in _THREADS:
         os.environ.setdefault(name, "1")
     context = multiprocessing.get_context("spawn")

@@ -1,4 +1,4 @@
-"""What an experiment on the detector is made of: cases, each with its trials and its rows."""
+"""Cases of the detector's experiments, each with its trials and its rows."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -9,28 +9,29 @@ import numpy as np
 from uavrt_experiments.result import Row
 
 FULL_TRIALS = 600
-"""Decisions for each point of a Pd curve that the bars ask for; `Case.trials` refer to it."""
+"""Decisions for each point of a Pd curve at full size; `Case.trials` refer to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Trials of one kind and what they are judged by."""
+    """Trials of one kind, and their evaluation."""
 
     name: str
     trials: int
-    """At full size."""
+    """Trials at full size."""
     seconds: float
-    """CPU time of one trial, roughly: for the shares of the processes and the progress bar."""
+    """Approximate CPU time of one trial, for the shares of the processes and the progress
+    bar."""
     trial: Callable[[np.random.Generator, int], Any]
-    """Takes a generator and the trial's number; gives an outcome that can be sent."""
+    """Runs a trial from a generator and the trial's number; returns a picklable outcome."""
     rows: Callable[[Sequence[Any]], list[Row]]
-    """Takes all outcomes in the order of their numbers."""
+    """Makes rows from all outcomes, ordered by number."""
     least: int = 1
     """Trials at any size."""
     alone: bool = False
-    """Times something: run when no other process works."""
+    """True for a time measurement: run when no other process works."""
     short: "Case | None" = None
-    """What stands for it in the tests, where few of its own trials take long or show little."""
+    """Replacement in the tests, where few of its own trials take long or show little."""
 
     def count(self, trials: int) -> int:
         """Trials of this case for a given number per point of a Pd curve."""

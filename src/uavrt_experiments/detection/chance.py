@@ -27,14 +27,14 @@ from uavrt_experiments.statistics import count_interval
 STRETCH_S = 200.0
 _SHORT_STRETCH_S = 15.0
 _SHORT_ALONE_S = 50.0
-"""Of one tag, absent or there."""
+"""Duration of the short form with one tag, absent or present."""
 _INTERVALS_S = (1.05, 1.254, 1.4, 1.63, 1.9)
 """Of the absent tags, ± 60 ms each."""
 _WINDOWS_HZ = (500.0, WHOLE_CHANNEL_HZ)
 _TAG_HZ = 100.0
 _TAG_DB = 14.0
 _COVERED = 0.3
-"""Of a pulse's energy, that a burst has at the same time."""
+"""Share of a pulse's energy in a simultaneous burst above which it counts as covered."""
 _COVERED_AT_ITS_FREQUENCY = 0.05
 _MOST_CONFIRMED = 3.0
 """Pulses of five absent tags in 200 s."""
@@ -42,7 +42,7 @@ _MOST_CONFIRMED = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absent:
-    """What was reported of a tag that is not there."""
+    """Reports of a tag that is absent."""
 
     pulses: int
     confirmed: int
@@ -93,10 +93,10 @@ def absent_together(
     )
 
 
-def beside_bursts(
+def tag_among_bursts(
     scene: Scene, rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
 ) -> Comparison:
-    """A tag among bursts; only the pulses that none covers count as true."""
+    """A tag among bursts; only pulses that no burst covers count as true."""
     flight = Flight(
         enr_db=_TAG_DB,
         duration_s=stretch_s,
@@ -162,15 +162,12 @@ def _together_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
         counts = [o.confirmed for o in outcomes]
         low, high = count_interval(counts)
         return [
-            Row(
-                experiment="E18",
-                quantity=f"pulses confirmed of five absent tags of one frequency "
-                f"in {STRETCH_S:g} s",
-                case=name,
-                figure=sum(counts) / len(counts),
-                low=low,
-                high=high,
-                n=len(counts),
+            Row.with_interval(
+                "E18",
+                f"pulses confirmed of five absent tags of one frequency in {STRETCH_S:g} s",
+                name,
+                (sum(counts) / len(counts), low, high),
+                len(counts),
                 most=_MOST_CONFIRMED,
                 original=original,
                 note=f"{sum(counts)} in all",
@@ -198,25 +195,23 @@ def _together_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
 def _per_scene(
     counts: Sequence[int], name: str, most: float | None, original: float | None
 ) -> Row:
-    """Counts of single tags, for all of them together."""
+    """Counts of single tags, summed for all of them."""
     share = len(_INTERVALS_S) / len(counts)
     low, high = count_interval(counts)
     what = "pulses" if most is None else "pulses confirmed"
-    return Row(
-        experiment="E18",
-        quantity=f"{what} of five absent tags in {STRETCH_S:g} s",
-        case=name,
-        figure=share * sum(counts),
-        low=share * low,
-        high=share * high,
-        n=len(counts),
+    return Row.with_interval(
+        "E18",
+        f"{what} of five absent tags in {STRETCH_S:g} s",
+        name,
+        (share * sum(counts), share * low, share * high),
+        len(counts),
         most=most,
         original=original,
         note=f"{sum(counts)} in all",
     )
 
 
-def _beside_case(name: str, scenes: Sequence[Scene]) -> Case:
+def _tag_case(name: str, scenes: Sequence[Scene]) -> Case:
     case = f"tag of {_TAG_DB:g} dB, {name}, pulses that no burst covers"
 
     def rows(flights: Sequence[Comparison]) -> list[Row]:
@@ -236,13 +231,13 @@ def _beside_case(name: str, scenes: Sequence[Scene]) -> Case:
         trials=4 * len(scenes),
         least=2,
         seconds=3.0,
-        trial=lambda rng, index: beside_bursts(scenes[index % len(scenes)], rng, index),
+        trial=lambda rng, index: tag_among_bursts(scenes[index % len(scenes)], rng, index),
         rows=rows,
     )
     brief = replace(
         full,
         least=1,
-        trial=lambda rng, index: beside_bursts(scenes[0], rng, index, _SHORT_ALONE_S),
+        trial=lambda rng, index: tag_among_bursts(scenes[0], rng, index, _SHORT_ALONE_S),
     )
     return replace(full, short=brief)
 
@@ -282,7 +277,7 @@ E18 = Experiment(
         for case in (
             _absent_case(name, scenes, original),
             _together_case(name, scenes, original),
-            _beside_case(name, scenes),
+            _tag_case(name, scenes),
         )
     ),
 )

@@ -1,4 +1,4 @@
-"""E23: bursts of coded tags, of which one, three or ten are heard; and who it is not."""
+"""E23: detection of coded tags by one, three or ten bursts; and false identities."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ WINDOW_HZ = 500.0
 THEORY_DB = {1: 8.7, 3: 5.2, 10: 1.7}
 """ENR for Pd .5 at 2e-4 false identities in an hour for each code, aligned, by bursts."""
 PULSE_THEN_GAPS_DB = 11.6
-"""The same where each pulse is detected by itself, and then the gaps are looked at."""
+"""The same if each pulse is detected by itself, and then the gaps are compared."""
 _SLACK_DB = 1.0
 _BLOCK = 655
 _GAP_SLOP_S = 1.5e-3
 _PULSE_LEVEL = 8.0
-"""Noise energies of a pulse that is detected by itself: noise makes 1.9 a second in the window,
-and of those 2e-4 identities in an hour, with gaps 1.5 ms off together."""
+"""Energy, in noise energies, of a pulse that is detected by itself: noise makes 1.9 a second in
+the window, and of those 2e-4 identities in an hour, with gaps 1.5 ms off together."""
 _RAISED = 1.0
-"""False identities in an hour and code, where they are counted: at 1e-4 none would be seen."""
+"""False identities in an hour and code for counting: at 1e-4 there would be none."""
 
 
 def some_codes(rng: np.random.Generator, count: int) -> list[Tag]:
-    """Codes as they are on the air: gaps of 18 to 75 ms, all 4 ms apart or more."""
+    """Typical codes: gaps of 18 to 75 ms, all 4 ms apart or more."""
     tags: list[Tag] = []
     while len(tags) < count:
         gaps_s = tuple(float(round(gap, 4)) for gap in rng.uniform(0.018, 0.075, 3))
@@ -66,7 +66,7 @@ def add_burst(
     rng: np.random.Generator,
     sample_rate_hz: float = RATE_HZ,
 ) -> None:
-    """Add a burst in place, its gaps stretched by a part of them."""
+    """Add a burst in place, its gaps stretched by a relative amount."""
     at_s = start_s
     for gap_s in (0.0, *tag.gaps_s):
         at_s += gap_s * (1.0 + stretch)
@@ -102,7 +102,7 @@ def find(
 
 
 def pulse_then_gaps(tag: Tag, samples: NDArray[np.complex64]) -> bool:
-    """Whether a code is found the usual way: pulses by themselves, then their gaps."""
+    """True if a code is found the usual way: pulses by themselves, then their gaps."""
     cells = Cells(
         sample_rate_hz=RATE_HZ,
         pulse_width_s=tag.pulse_width_s,
@@ -131,17 +131,17 @@ def pulse_then_gaps(tag: Tag, samples: NDArray[np.complex64]) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """What was found of bursts of one strength."""
+    """Detection of bursts of one strength."""
 
     enr_db: float
     matched: bool
-    """By our detector."""
+    """Found by our detector."""
     by_pulses: bool
-    """Pulses, then gaps, in any of the bursts."""
+    """Found by pulses, then gaps, in any of the bursts."""
 
 
 def hear(rng: np.random.Generator, bursts: int, enr_db: float) -> Heard:
-    """Let a tag of a random code send some bursts, with a crystal of its own."""
+    """Let a tag of a random code send some bursts, with its own crystal error."""
     (tag,) = some_codes(rng, 1)
     off_s = rng.uniform(-0.5, 0.5) * tag.interval_uncertainty_s
     interval_s = tag.pulse_intervals_s[0] + off_s
@@ -222,7 +222,7 @@ def _curve(bursts: int, levels_db: tuple[float, ...], per_level: int, seconds: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mistaken:
-    """False identities of a stretch."""
+    """False identities in a stretch."""
 
     code_hours: float
     wrong: int
@@ -240,8 +240,8 @@ def mistake(
 ) -> Mistaken:
     """Search noise for 50 codes, maybe with a listed tag in it, and an unlisted one.
 
-    `strong_db`: of the tags that send; None of noise alone.
-    `nominal`: False identities allowed in an hour and code, instead of what the case takes.
+    `strong_db`: of the tags that send; None for noise alone.
+    `nominal`: False identities allowed in an hour and code, instead of the case's default.
     `listed`, `unlisted`: which of both tags send.
     """
     tags = some_codes(rng, 51)
@@ -280,14 +280,12 @@ def _mistakes(
         shown = high / hours <= most or figure > most or most * hours > 1.0
         note = f"at most {high / hours:.3f}; see the power law of `benchmarks coded`"
         return [
-            Row(
-                experiment="E23",
-                quantity=quantity,
-                case=name,
-                figure=figure,
-                low=low / hours,
-                high=high / hours,
-                n=round(sum(one.code_hours for one in outcomes)),
+            Row.with_interval(
+                "E23",
+                quantity,
+                name,
+                (figure, low / hours, high / hours),
+                round(sum(one.code_hours for one in outcomes)),
                 most=most,
                 shown=shown,
                 note="" if shown else note,
@@ -329,8 +327,6 @@ def _false(name: str, strong_db: float | None, stretch_s: float, trials: int) ->
 
 
 def _cost(seconds: float) -> Case:
-    """CPU time of 500 codes on one channel."""
-
     def trial(rng: np.random.Generator, _index: int) -> float:
         tags = some_codes(rng, 500)
         samples = noise(rng, round(seconds * RATE_HZ))

@@ -1,7 +1,7 @@
-"""Wrong identities near unlisted coded tags, for hundreds of hours: statistics, no samples.
+"""False identities near unlisted coded tags, for hundreds of hours: statistics, no samples.
 
 Times and strengths of the pulses on air are drawn, and from them the energies at the places of
-each listed code that some of them hit. What judges these energies is the detector's own.
+each listed code that some of them hit. The evaluation of these energies is the detector's own.
 """
 
 from collections.abc import Sequence
@@ -34,16 +34,16 @@ _CHOICES = 7
 _SHIFTS_S = (-6e-4, 0.0, 6e-4)
 """Times tried about that of a pulse."""
 _LOOKS = 20
-"""The same for several bursts, whose interval is searched too."""
+"""Number of independent choices for several bursts, whose interval is searched too."""
 _COLUMN_S = 1.4e-4
-"""Half of a column: the most by which all pulses may lie off the cells."""
+"""Half of a column: the largest common offset of all pulses from the cells."""
 _LEAST = 0.2
-"""Of a pulse's amplitude, the least of others that count with it."""
+"""Least share of a pulse's amplitude at which others count with it."""
 _ALIKE = 0.3
-"""Of the second weakest place, the least of the weakest that is looked at."""
+"""Least ratio of the weakest to the second weakest place that is searched."""
 _ROW_HZ = 125.0
 _CLIPS = {3: 15.75, 10: 10.0}
-"""Most that a cell counts in sums of this number of bursts."""
+"""Limit of a cell in sums of this number of bursts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +149,7 @@ def _complex_noise(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[
 
 @dataclass(slots=True, kw_only=True)
 class _Found:
-    """What a code has at its places, in order of time."""
+    """Energies at a code's places, in order of time."""
 
     times_s: NDArray[np.float64]
     alone: NDArray[np.float64]
@@ -159,7 +159,7 @@ class _Found:
 
 
 def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: float) -> _Found:
-    """Bursts that one code claims: two of the pulses on air at its places, or more."""
+    """Bursts for one code: at least two of the pulses on air at its places."""
     places_s = _places_s(tag)
     stretch_s = GAP_TOLERANCE_S * places_s / places_s[-1]
     limits = {
@@ -209,7 +209,7 @@ def _levels(
     places_s: NDArray[np.float64],
     stretch_s: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Amplitude of what is loudest at each place, and how far it lies from it."""
+    """Amplitude of the strongest pulse at each place, and its distance from it."""
     levels = np.zeros((len(begin_s), len(places_s)))
     away_s = np.zeros(levels.shape)
     best = np.zeros(levels.shape)
@@ -234,9 +234,9 @@ def _searched(
     noise: NDArray[np.complex128],
     stretch_s: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Energies where their sum is the largest, as the search chooses stretch and time.
+    """Energies at the largest sum, as in the detector's search over stretch and time.
 
-    And whether no pulse lies off its place otherwise than the others.
+    Also returns if no pulse lies off its place unlike the others.
     """
     best = np.zeros(levels.shape)
     straight = np.zeros(len(levels), np.bool_)
@@ -259,7 +259,7 @@ def _searched(
 
 
 def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
-    """Whether the detector would confirm a tag by such bursts."""
+    """True if the detector would confirm a tag by such bursts."""
     required = required_evidence(foreign_per_hour, FALSE_PER_HOUR)
     open_ = found.unlisted >= required
     # Only bursts that others lie in step with can be confirmed by these.
@@ -304,7 +304,7 @@ def _summed(
     windows: int,
     foreign_per_hour: float,
 ) -> bool:
-    """Whether sums of several bursts of a stranger in step with a code are taken for it."""
+    """True if sums of several bursts of a stranger in step with a code are mistaken for it."""
     places_s, sent_s = _places_s(tag), _places_s(one.tag)
     clip = _CLIPS[bursts]
     least = amplitude_limit(
@@ -345,15 +345,15 @@ def _summed(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confusions:
-    """Listed tags that none sent, of some hours."""
+    """Falsely confirmed listed tags, of some hours."""
 
     code_hours: float
     claims: int
-    """Bursts that looked like a listed code's."""
+    """Bursts that match a listed code."""
     wrong: int
-    """Tags confirmed by them, in each hour."""
+    """Falsely confirmed tags in each hour."""
     wrong_by_sums: int
-    """Tags confirmed by sums of several bursts."""
+    """Tags falsely confirmed by sums of several bursts."""
 
 
 def confusions(
@@ -366,8 +366,7 @@ def confusions(
 ) -> Confusions:
     """Count the listed tags that are confirmed while only unlisted ones are on air.
 
-    `foreign_per_hour`: what the detector takes for the rate of unlisted bursts; the true one by
-    default.
+    `foreign_per_hour`: the detector's rate of unlisted bursts; the true one by default.
     """
     listed, others = codes_and_strangers(rng, codes, strangers)
     seconds = 3600.0 * hours

@@ -27,7 +27,7 @@ from uavrt_experiments.detection.trials import (
     detect,
 )
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import share_by_flight, wilson_interval
+from uavrt_experiments.statistics import share_by_flight, share_of
 
 _OWN_HZ = 333.0
 _OWN_DB = 16.0
@@ -35,16 +35,16 @@ _OWN_DB = 16.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Company:
-    """What came of a flight with a neighbour."""
+    """Result of a flight with a neighbour."""
 
     true: int
     confirmed: int
     foreign: int
     """Confirmed pulses of the neighbour under our tag's number, once ours was confirmed."""
     foreign_before: int
-    """The same before: while there is but one track, it is the nearest to the nominal."""
+    """The same before: a single track is the nearest to the nominal frequency."""
     listed: bool
-    """Whether the neighbour was among the other signals at the end."""
+    """True if the neighbour was among the other signals at the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class Neighbour:
     """Over ours; flights take turns."""
     interval_s: float = 1.254
     head_start_s: float = 0.0
-    """How long it is heard before ours begins."""
+    """Time for which it is on air before ours begins."""
     duration_s: float = 120.0
 
     def fly(self, rng: np.random.Generator, index: int) -> Company:
@@ -125,7 +125,7 @@ def _is_of(pulse: Pulse, truth: Sequence[TruePulse], center_hz: float) -> bool:
 
 
 def _detect_listing(samples: Samples, center_hz: float) -> tuple[list[Pulse], list[float]]:
-    """Pulses, and the frequencies of the other signals before the stream's end."""
+    """Pulses, and the frequencies of the other signals at the stream's end."""
     detector = PulseDetector(
         replace(THESIS_TAG, frequency_hz=center_hz + _OWN_HZ),
         sample_rate_hz=RATE_HZ,
@@ -143,18 +143,13 @@ def _neighbour_case(
     name: str, neighbour: Neighbour, *, rounds: int, barred: bool = True, listed: bool = True
 ) -> Case:
     def rows(flights: Sequence[Company]) -> list[Row]:
-        share, (low, high) = share_by_flight(
-            [f.confirmed for f in flights], [f.true for f in flights]
-        )
         made = [
-            Row(
-                experiment="E12",
-                quantity="own recall",
-                case=name,
-                figure=share,
-                low=low,
-                high=high,
-                n=sum(f.true for f in flights),
+            Row.with_interval(
+                "E12",
+                "own recall",
+                name,
+                share_by_flight([f.confirmed for f in flights], [f.true for f in flights]),
+                sum(f.true for f in flights),
                 least=0.95 if barred else None,
                 original=0.0 if neighbour.interval_s == 1.254 else None,
                 note=f"{len(flights)} flights",
@@ -178,17 +173,13 @@ def _neighbour_case(
                 )
             )
         if listed:
-            hits = sum(f.listed for f in flights)
-            low, high = wilson_interval(hits, len(flights))
             made.append(
-                Row(
-                    experiment="E12",
-                    quantity="neighbour listed as another signal",
-                    case=name,
-                    figure=hits / len(flights),
-                    low=low,
-                    high=high,
-                    n=len(flights),
+                Row.with_interval(
+                    "E12",
+                    "neighbour listed as another signal",
+                    name,
+                    share_of(sum(f.listed for f in flights), len(flights)),
+                    len(flights),
                     least=0.95 if barred else None,
                 )
             )
@@ -248,7 +239,7 @@ E12 = Experiment(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateCount:
-    """What came of a flight with a tag of two rates."""
+    """Result of a flight with a tag of two rates."""
 
     true: int
     right: int
@@ -322,18 +313,13 @@ class TwoRates:
 
 def _rate_case(name: str, rates: TwoRates) -> Case:
     def rows(flights: Sequence[RateCount]) -> list[Row]:
-        share, (low, high) = share_by_flight(
-            [f.right for f in flights], [f.true for f in flights]
-        )
         made = [
-            Row(
-                experiment="E13",
-                quantity="pulses confirmed at the right rate",
-                case=name,
-                figure=share,
-                low=low,
-                high=high,
-                n=sum(f.true for f in flights),
+            Row.with_interval(
+                "E13",
+                "pulses confirmed at the right rate",
+                name,
+                share_by_flight([f.right for f in flights], [f.true for f in flights]),
+                sum(f.true for f in flights),
                 least=0.95,
                 note=f"{len(flights)} flights",
             ),

@@ -1,4 +1,4 @@
-"""E1: false alarms come as often as asked for, in noise of any colour."""
+"""E1: false alarms at the nominal rate, in noise of any colour."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _CONFIRMED_PER_DECISION = 0.0005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FalseAlarms:
-    """What a detector reported where no tag is."""
+    """Reports of a detector without a tag."""
 
     intervals: float
     """Decision intervals searched."""
@@ -35,7 +35,7 @@ class FalseAlarms:
 
 
 def detected_groups(pulses: Sequence[Pulse]) -> tuple[int, int]:
-    """Distinct groups that are more than sub-threshold, and those with a confirmed pulse."""
+    """Distinct groups above the threshold, and those with a confirmed pulse."""
     detected = {
         (p.rate, p.group_sequence) for p in pulses if p.detection_status != "subthreshold"
     }
@@ -76,14 +76,12 @@ def false_alarm_row(
     groups = sum(o.groups for o in outcomes)
     expected = intervals * probability
     low, high = count_interval([o.groups for o in outcomes])
-    return Row(
-        experiment=experiment,
-        quantity="false alarms / nominal",
-        case=f"{case}, nominal {100 * probability:g} %",
-        figure=groups / expected,
-        low=low / expected,
-        high=high / expected,
-        n=round(intervals),
+    return Row.with_interval(
+        experiment,
+        "false alarms / nominal",
+        f"{case}, nominal {100 * probability:g} %",
+        (groups / expected, low / expected, high / expected),
+        round(intervals),
         least=least,
         most=most,
         original=original,
@@ -99,14 +97,12 @@ def confirmed_row(
     intervals = sum(o.intervals for o in outcomes)
     confirmed = sum(o.confirmed for o in outcomes)
     low, high = count_interval([o.confirmed for o in outcomes])
-    return Row(
-        experiment=experiment,
-        quantity="falsely confirmed groups per decision, %",
-        case=case,
-        figure=100.0 * confirmed / intervals,
-        low=100.0 * low / intervals,
-        high=100.0 * high / intervals,
-        n=round(intervals),
+    return Row.with_interval(
+        experiment,
+        "falsely confirmed groups per decision, %",
+        case,
+        (100.0 * confirmed / intervals, 100.0 * low / intervals, 100.0 * high / intervals),
+        round(intervals),
         most=100.0 * most,
         note=f"{confirmed} groups",
     )

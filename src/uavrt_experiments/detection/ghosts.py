@@ -1,4 +1,4 @@
-"""E22: images that a receiver makes of a strong tag, with tags listed where they appear."""
+"""E22: receiver images of a strong tag, with tags listed at their places."""
 
 import math
 from collections.abc import Sequence
@@ -43,78 +43,78 @@ WITH_CARRIER, SECOND, WITH_SECOND = (
         (12, 2.0 * _OWN_HZ - _SECOND_HZ),
     )
 )
-"""Where a curved receiver shows products: 2 f1 - f2 of the strong one and another signal."""
+"""Places of a nonlinear receiver's products: 2 f1 - f2 of the strong tag and another signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Haunted:
-    """What came of a flight."""
+    """Result of a flight."""
 
     strong: int
-    """Pulses that the strong tag sent."""
     strong_confirmed: int
     true: int
     """Pulses of the tag at a ghost's place that the strong one's did not hit."""
     confirmed: int
-    """Of those."""
+    """Confirmed pulses among these."""
     false: int
     """Confirmed pulses of the other tags that they did not send."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ghosts:
-    """A strong tag through a receiver that is not ideal, as 8 bits hold it."""
+    """A strong tag through a receiver that is not ideal, quantised to 8 bits."""
 
     strong_db: float
     steps: float
-    """Of the converter, in standard deviations of the noise's real part."""
+    """Step of the converter, in standard deviations of the noise's real part."""
     image_db: float | None = None
     curve: float = 0.0
-    """Of the receiver's third order: compression of the strongest signal."""
+    """Third-order coefficient of the receiver: compression of the strongest signal."""
     carrier_db: float | None = None
-    """Of a steady carrier, over the noise of a sample."""
+    """Level of a steady carrier, over the noise of a sample."""
     second_db: float | None = None
-    """Level of another tag whose pulses come together with the strong one's for a minute."""
+    """Level of another tag whose pulses coincide with the strong one's for a minute."""
     place: Tag = MIRROR
-    """Where a ghost is."""
-    beside_db: float | None = None
-    """Level of a tag there; None: it is silent."""
+    """Tag at a ghost's place."""
+    there_db: float | None = None
+    """Level of that tag; None: it is silent."""
     duration_s: float = 60.0
 
     def fly(self, rng: np.random.Generator, index: int) -> Haunted:
         """One flight."""
         strong = self._train(rng, STRONG, 1.254, self.strong_db)
-        beside = (
-            [] if self.beside_db is None else self._train(rng, self.place, 1.28, self.beside_db)
+        there = (
+            [] if self.there_db is None else self._train(rng, self.place, 1.28, self.there_db)
         )
         second = [] if self.second_db is None else self._second(rng, strong, self.second_db)
         samples = make_samples(
-            rng, [*strong, *second, *beside], duration_s=self.duration_s, sample_rate_hz=RATE_HZ
+            rng, [*strong, *second, *there], duration_s=self.duration_s, sample_rate_hz=RATE_HZ
         )
         self._receive(samples)
         tags = _LISTED if self.place is MIRROR else (STRONG, SECOND, self.place)
         found = _detect(_digitized(samples, self.steps), tags)
         pulses = [pulse for pulse in found if pulse.confirmed]
-        told: dict[int, list[float]] = {tag.tag_id: [] for tag in (*_LISTED, *tags)}
+        reported_s: dict[int, list[float]] = {tag.tag_id: [] for tag in (*_LISTED, *tags)}
         for pulse in pulses:
-            told[pulse.tag_id].append((pulse.start_time_ns - START_NS) * 1e-9)
+            reported_s[pulse.tag_id].append((pulse.start_time_ns - START_NS) * 1e-9)
         free = [
             p.start_s
-            for p in beside
+            for p in there
             if all(abs(p.start_s - q.start_s) > _COLLISION_S for q in strong)
         ]
-        sent_s = [p.start_s for p in beside]
-        told_s = told[self.place.tag_id]
+        sent_s = [p.start_s for p in there]
+        own_s = reported_s[self.place.tag_id]
         return Haunted(
             strong=len(strong),
-            strong_confirmed=sum(_near(p.start_s, told[STRONG.tag_id]) for p in strong),
+            strong_confirmed=sum(_near(p.start_s, reported_s[STRONG.tag_id]) for p in strong),
             true=len(free),
-            confirmed=sum(_near(at_s, told_s) for at_s in free),
-            false=len(told[THIRD.tag_id]) + sum(not _near(at_s, sent_s) for at_s in told_s),
+            confirmed=sum(_near(at_s, own_s) for at_s in free),
+            false=len(reported_s[THIRD.tag_id])
+            + sum(not _near(at_s, sent_s) for at_s in own_s),
         )
 
     def _receive(self, samples: NDArray[np.complex64]) -> None:
-        """Do to the samples what the receiver does."""
+        """Distort the samples as the receiver does."""
         strongest = 10.0 ** (self.strong_db / 10.0) / (THESIS_TAG.pulse_width_s * RATE_HZ)
         if self.carrier_db is not None:
             strongest = 10.0 ** (self.carrier_db / 10.0)
@@ -130,7 +130,7 @@ class Ghosts:
     def _second(
         rng: np.random.Generator, strong: list[TruePulse], enr_db: float
     ) -> list[TruePulse]:
-        """Pulses that meet another tag's with their middle, a tenth of a millisecond off."""
+        """Pulses whose middles coincide with another tag's, a tenth of a millisecond off."""
         middle = len(strong) / 2
         return [
             replace(
@@ -195,7 +195,7 @@ def _case(name: str, scene: Ghosts) -> Case:
                 [f.strong for f in flights],
             ),
         ]
-        if scene.beside_db is not None:
+        if scene.there_db is not None:
             found.append(
                 _share_row(
                     f"pulses of the tag at {_place(scene)} confirmed",
@@ -216,21 +216,18 @@ def _place(scene: Ghosts) -> str:
 
 
 def _share_row(quantity: str, name: str, found: list[int], of: list[int]) -> Row:
-    share, (low, high) = share_by_flight(found, of)
-    return Row(
-        experiment="E22",
-        quantity=quantity,
-        case=name,
-        figure=share,
-        low=low,
-        high=high,
-        n=sum(of),
+    return Row.with_interval(
+        "E22",
+        quantity,
+        name,
+        share_by_flight(found, of),
+        sum(of),
         least=0.9,
         note=f"{len(of)} flights",
     )
 
 
-_BESIDE_A_CARRIER = Ghosts(
+_WITH_A_CARRIER = Ghosts(
     strong_db=48.0, steps=1.0, curve=0.05, carrier_db=40.0, place=WITH_CARRIER
 )
 _TWO_STRONG = Ghosts(strong_db=48.0, second_db=48.0, steps=3.0, curve=0.05, place=WITH_SECOND)
@@ -243,14 +240,14 @@ E22 = Experiment(
         _case("saturated 8-bit samples", Ghosts(strong_db=68.0, steps=6.0)),
         _case(
             "image at −30 dB, a tag at its place",
-            Ghosts(strong_db=48.0, steps=3.0, image_db=-30.0, beside_db=16.0),
+            Ghosts(strong_db=48.0, steps=3.0, image_db=-30.0, there_db=16.0),
         ),
-        _case("product with a steady carrier", _BESIDE_A_CARRIER),
+        _case("product with a steady carrier", _WITH_A_CARRIER),
         _case(
             "product with a steady carrier, a tag at its place",
-            replace(_BESIDE_A_CARRIER, beside_db=16.0),
+            replace(_WITH_A_CARRIER, there_db=16.0),
         ),
         _case("product of two tags", _TWO_STRONG),
-        _case("product of two tags, a tag at its place", replace(_TWO_STRONG, beside_db=16.0)),
+        _case("product of two tags, a tag at its place", replace(_TWO_STRONG, there_db=16.0)),
     ),
 )

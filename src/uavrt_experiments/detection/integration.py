@@ -69,12 +69,12 @@ def _narrow(tag: Tag) -> Decision:
 
 
 def long_tag(k: int, jitter_s: float) -> Tag:
-    """The thesis's tag with its interval known to 0.125 ms: for long integration."""
+    """The thesis's tag with its interval known to 0.125 ms, for long integration."""
     return replace(THESIS_TAG, k=k, interval_uncertainty_s=0.000125, interval_jitter_s=jitter_s)
 
 
 def long_decision(k: int, jitter_s: float, *, drifting: bool = False) -> Decision:
-    """Everything as far off as the bar allows: interval, jitter, frequency, drifts."""
+    """Decision with the largest allowed errors: interval, jitter, frequency, drifts."""
     return Decision(
         tag=long_tag(k, jitter_s),
         frequency_window_hz=100.0,
@@ -143,14 +143,12 @@ def _drifting(k: int) -> Case:
         cost = moving[0] - still[0]
         half = Z95 * math.hypot(still[3], moving[3])
         return [
-            Row(
-                experiment="E3",
-                quantity="cost of drift, dB",
-                case=f"K = {k}, 1e-6 of the interval per pulse and 0.2 Hz/s",
-                figure=cost,
-                low=cost - half,
-                high=cost + half,
-                n=len(outcomes),
+            Row.with_interval(
+                "E3",
+                "cost of drift, dB",
+                f"K = {k}, 1e-6 of the interval per pulse and 0.2 Hz/s",
+                (cost, cost - half, cost + half),
+                len(outcomes),
                 most=_DRIFT_COST_DB,
             )
         ]
@@ -173,11 +171,12 @@ def _drifting(k: int) -> Case:
 
 
 _SHORT_PROBABILITY = 0.3
-"""Asked for in short forms: some minutes of noise have a countable number of false groups."""
+"""False-alarm probability of short forms: some minutes of noise have a countable number of
+false groups."""
 
 
 def _alarms(k: int, stretches: int, stretch_s: float, seconds: float) -> Case:
-    """False alarms at this K: a low ENR bought with false alarms would be none."""
+    """False alarms at this K, since many of them would lower the ENR."""
     tag = long_tag(k, 0.002) if k >= 20 else replace(THESIS_TAG, k=k)
     where = "± 100 Hz" if k >= 20 else "whole channel"
 

@@ -1,7 +1,7 @@
 """E10, E11: carriers and impulses, alone and with a tag."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,14 @@ Samples = NDArray[np.complex64]
 Interfere = Callable[[np.random.Generator, int, int], Samples]
 """Makes a number of samples of interference of a numbered kind."""
 _LEVELS_DB = (10.0, 20.0, 40.0, 60.0)
-"""Of a carrier, in a bin of 50 Hz."""
+"""Levels of a carrier, in a bin of 50 Hz."""
 _TAG_HZ = 350.0
 _TAG_DB = 14.0
 _SHORT_STRETCH_S = 40.0
 _FALSE_TWICE = 2.0
 """Most false alarms, over the nominal ones."""
 _CONFIRMED_IN_300_S = 0.084
-"""None in 300 s (§10 E10), to be measured over hours: twice what E1 allows for noise alone."""
+"""None in 300 s (§10 E10), measured over hours: twice the limit of E1 for noise alone."""
 
 
 def _alarm_case(
@@ -90,7 +90,7 @@ def _alarm_case(
     return replace(full, short=brief)
 
 
-def _beside_case(
+def _tag_case(
     *,
     experiment: str,
     name: str,
@@ -131,6 +131,7 @@ def _beside_case(
     return replace(full, short=brief)
 
 
+@dataclass(frozen=True, slots=True)
 class Carrier:
     """A carrier at each of the levels.
 
@@ -138,31 +139,23 @@ class Carrier:
     `anywhere`: whether the bin is random.
     """
 
-    def __init__(
-        self,
-        offset_hz: float,
-        *,
-        anywhere: bool = False,
-        drift_hz_per_s: float = 0.0,
-        modulation: float = 0.0,
-        levels_db: Sequence[float] = _LEVELS_DB,
-    ) -> None:
-        self._offset_hz = offset_hz
-        self._anywhere = anywhere
-        self._drift_hz_per_s = drift_hz_per_s
-        self._modulation = modulation
-        self.levels_db = levels_db
+    offset_hz: float
+    _: KW_ONLY
+    anywhere: bool = False
+    drift_hz_per_s: float = 0.0
+    modulation: float = 0.0
+    levels_db: Sequence[float] = _LEVELS_DB
 
     def __call__(self, rng: np.random.Generator, count: int, kind: int) -> Samples:
         """A carrier of the level's number."""
-        bin_hz = 50.0 * float(rng.integers(-30, 31)) if self._anywhere else 0.0
+        bin_hz = 50.0 * float(rng.integers(-30, 31)) if self.anywhere else 0.0
         return carrier(
             rng,
             count,
-            offset_hz=bin_hz + self._offset_hz,
+            offset_hz=bin_hz + self.offset_hz,
             level_db=self.levels_db[kind],
-            drift_hz_per_s=self._drift_hz_per_s,
-            modulation=self._modulation,
+            drift_hz_per_s=self.drift_hz_per_s,
+            modulation=self.modulation,
         )
 
 
@@ -179,7 +172,7 @@ class Impulses:
         self._regular = regular
 
     def __call__(self, rng: np.random.Generator, count: int, kind: int) -> Samples:
-        """Impulses of a kind's level and length."""
+        """Impulses with a kind's level and length."""
         level, length = self.KINDS[kind]
         return impulses(
             rng,
@@ -224,7 +217,7 @@ E10 = Experiment(
             for name, made in _CARRIERS.items()
         ),
         *(
-            _beside_case(
+            _tag_case(
                 experiment="E10",
                 name=name,
                 kinds=len(_LEVELS_DB),
@@ -236,7 +229,7 @@ E10 = Experiment(
             )
             for name, made in _NEAR.items()
         ),
-        _beside_case(
+        _tag_case(
             experiment="E10",
             name="carrier of 20 dB 50 Hz away",
             kinds=1,
@@ -270,7 +263,7 @@ E11 = Experiment(
             for name, made in _TRAINS.items()
         ),
         *(
-            _beside_case(
+            _tag_case(
                 experiment="E11",
                 name=name,
                 kinds=len(Impulses.KINDS),

@@ -1,4 +1,4 @@
-"""E9: lost, repeated, reordered frames, odd clocks; the first pulses of a stream."""
+"""E9: lost, repeated, reordered frames, irregular clocks; the first pulses of a stream."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ from uavrt_experiments.detection.trials import (
 )
 from uavrt_experiments.detection.unsaid import UNSAID_CASES
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import quantile, wilson_interval
+from uavrt_experiments.statistics import quantile, share_of
 
 Frames = list[tuple[Samples, int]]
 Disturb = Callable[[np.random.Generator, Frames], Frames]
@@ -42,19 +42,19 @@ _SLEW = 200e-6
 
 
 def lose(share: float) -> Disturb:
-    """Frames that never come."""
+    """Drop frames."""
     return lambda rng, frames: [f for f in frames if rng.uniform() >= share]
 
 
 def repeat(share: float) -> Disturb:
-    """Frames that come twice."""
+    """Repeat frames."""
     return lambda rng, frames: [
         f for frame in frames for f in (frame,) * (1 + (rng.uniform() < share))
     ]
 
 
 def reorder(share: float) -> Disturb:
-    """Frames that come after the one that follows them."""
+    """Swap frames with the ones that follow them."""
 
     def disturb(rng: np.random.Generator, frames: Frames) -> Frames:
         frames = list(frames)
@@ -70,13 +70,13 @@ def reorder(share: float) -> Disturb:
 
 
 def hole(at_s: float) -> Disturb:
-    """Three seconds missing from some time on."""
+    """Drop three seconds from some time on."""
     low = START_NS + ns_from_s(at_s)
     return lambda rng, frames: [f for f in frames if not low <= f[1] < low + ns_from_s(_HOLE_S)]
 
 
 def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
-    """A frame in the middle that says it is half a second older."""
+    """Date a frame in the middle half a second earlier."""
     at = len(frames) // 2
     wrong = (frames[at][0], frames[at][1] - 500_000_000)
     return [*frames[:at], wrong, *frames[at + 1 :]]
@@ -102,7 +102,7 @@ def _jumped(at_s: float) -> Callable[[TruePulse], float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbed:
-    """A flight whose frames do not come as they should."""
+    """A flight with disturbed frames."""
 
     disturb: Disturb
     frame: int = FRAME
@@ -127,7 +127,7 @@ def _case(
     loss: Callable[[float], float] = lambda _: 0.0,
     published: float | None = None,
 ) -> Case:
-    """Flights that are disturbed; what share they lose may depend on their length."""
+    """Flights with disturbed frames; the share that they lose may depend on their length."""
 
     def flights_of(duration_s: float, least: int) -> Case:
         flown = replace(disturbed(duration_s), duration_s=duration_s)
@@ -176,16 +176,13 @@ def _after_a_hole() -> Case:
         return min((ns * 1e-9 for ns in after if ns >= 0), default=30.0)
 
     def rows(times_s: Sequence[float]) -> list[Row]:
-        value, low, high = quantile(times_s, 0.95)
         return [
-            Row(
-                experiment="E9",
-                quantity="first pulse confirmed after a hole, s (95 % of streams)",
-                case=f"{_ENR_DB:g} dB, hole of 3 s",
-                figure=value,
-                low=low,
-                high=high,
-                n=len(times_s),
+            Row.with_interval(
+                "E9",
+                "first pulse confirmed after a hole, s (95 % of streams)",
+                f"{_ENR_DB:g} dB, hole of 3 s",
+                quantile(times_s, 0.95),
+                len(times_s),
                 most=2.0 * decision_interval_s(tag),
             )
         ]
@@ -197,7 +194,7 @@ def _after_a_hole() -> Case:
 
 
 def _deafness() -> Case:
-    """Whether the very first pulse of a stream is reported, and how late the first one is."""
+    """Detection of the very first pulse of a stream, and delay of the first report."""
 
     def trial(rng: np.random.Generator, _: int) -> float:
         flight = Flight(enr_db=20.0, duration_s=12.0)
@@ -210,17 +207,14 @@ def _deafness() -> Case:
     def rows(deaf_s: Sequence[float]) -> list[Row]:
         count = len(deaf_s)
         missed = sum(time > 0.0 for time in deaf_s)
-        low, high = wilson_interval(missed, count)
         mean = float(np.mean(deaf_s))
         return [
-            Row(
-                experiment="E9",
-                quantity="streams whose first pulse is missed",
-                case="start-up, 20 dB, whole channel",
-                figure=missed / count,
-                low=low,
-                high=high,
-                n=count,
+            Row.with_interval(
+                "E9",
+                "streams whose first pulse is missed",
+                "start-up, 20 dB, whole channel",
+                share_of(missed, count),
+                count,
                 most=0.01,
                 original=1.0,
                 note=f"deaf for {mean:.3f} s on the average; the original 2.6 to 13 s",

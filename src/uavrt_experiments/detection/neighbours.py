@@ -16,14 +16,14 @@ _SLOPE_HZ = 100.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbour:
-    """A transmitter that sounds like noise: digital voice or data.
+    """A transmitter with a noise-like signal: digital voice or data.
 
     `edge_hz`: frequency at which it begins, relative to the channel's centre; it fills the
     channel from there to the upper border.
     `level_db`: its density over that of the noise.
     `on_s`, `off_s`: mean lengths of its transmissions and pauses; without pauses it is steady.
-    `clicks`: whether it is keyed behind its filter, with ramps of 2.4 ms that are heard beside
-    it.
+    `clicks`: True if it is keyed behind its filter, with ramps of 2.4 ms that spread beyond its
+    band.
     """
 
     edge_hz: float
@@ -34,7 +34,7 @@ class Neighbour:
     sample_rate_hz: float = 3750.0
 
     def __call__(self, rng: np.random.Generator, count: int) -> Samples:
-        """Make its signal without the noise of the receiver, shape (count,)."""
+        """Its signal without the noise of the receiver, shape (count,)."""
         keyed = self.off_s > 0.0
         wave = noise(rng, count)
         if keyed and not self.clicks:
@@ -81,7 +81,7 @@ class MainsSparks:
     sample_rate_hz: float = 3750.0
 
     def __call__(self, rng: np.random.Generator, count: int) -> Samples:
-        """Make its noise without that of the receiver, shape (count,)."""
+        """Its noise without that of the receiver, shape (count,)."""
         cycles = np.arange(count) * (self.per_s / self.sample_rate_hz)
         # The mains frequency wanders.
         cycles += np.cumsum(rng.standard_normal(count)) * 1e-3 + rng.uniform()

@@ -5,13 +5,14 @@ Levels are the ENR that a burst of the length of the tag's pulse has at its own 
 
 import math
 from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Samples = NDArray[np.complex64]
 Scene = Callable[[np.random.Generator, int], Samples]
-"""Makes a number of samples of what is on air, without noise."""
+"""Makes a number of samples of the signals on air, without noise."""
 LEVELS_DB = (20.0, 35.0)
 _PULSE_S = 0.020
 _EDGE_S = 0.5e-3
@@ -41,6 +42,7 @@ def add_burst(
     samples[first:last] += wave.astype(np.complex64)
 
 
+@dataclass(frozen=True, slots=True)
 class Hopper:
     """Bursts at random times and frequencies.
 
@@ -48,36 +50,31 @@ class Hopper:
     `dwell_s`: shortest and longest.
     """
 
-    def __init__(
-        self,
-        per_s: float,
-        *,
-        dwell_s: tuple[float, float] = (0.010, 0.025),
-        levels_db: tuple[float, float] = LEVELS_DB,
-    ) -> None:
-        self._per_s = per_s
-        self._dwell_s = dwell_s
-        self._levels_db = levels_db
+    per_s: float
+    _: KW_ONLY
+    dwell_s: tuple[float, float] = (0.010, 0.025)
+    levels_db: tuple[float, float] = LEVELS_DB
 
     def __call__(
         self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
     ) -> Samples:
-        """So many samples of it."""
+        """Samples of the signal."""
         samples = np.zeros(count, np.complex64)
         duration_s = count / sample_rate_hz
-        for start_s in rng.uniform(0.0, duration_s, rng.poisson(self._per_s * duration_s)):
+        for start_s in rng.uniform(0.0, duration_s, rng.poisson(self.per_s * duration_s)):
             add_burst(
                 samples,
                 start_s=start_s,
-                length_s=rng.uniform(*self._dwell_s),
+                length_s=rng.uniform(*self.dwell_s),
                 offset_hz=rng.uniform(-0.5, 0.5) * sample_rate_hz,
-                level_db=rng.uniform(*self._levels_db),
+                level_db=rng.uniform(*self.levels_db),
                 phase=rng.uniform(0.0, 2.0 * math.pi),
                 sample_rate_hz=sample_rate_hz,
             )
         return samples
 
 
+@dataclass(frozen=True, slots=True)
 class Slots:
     """Slots of a frame on one frequency, each sent in or not at random.
 
@@ -88,39 +85,30 @@ class Slots:
     Hz) of their own.
     """
 
-    def __init__(
-        self,
-        frame_s: float,
-        *,
-        slot_s: float,
-        busy: float,
-        offset_hz: float = 120.0,
-        users: int = 1,
-        levels_db: tuple[float, float] = LEVELS_DB,
-    ) -> None:
-        self._frame_s = frame_s
-        self._slot_s = slot_s
-        self._busy = busy
-        self._offset_hz = offset_hz
-        self._users = users
-        self._levels_db = levels_db
+    frame_s: float
+    _: KW_ONLY
+    slot_s: float
+    busy: float
+    offset_hz: float = 120.0
+    users: int = 1
+    levels_db: tuple[float, float] = LEVELS_DB
 
     def __call__(
         self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
     ) -> Samples:
-        """So many samples of it."""
+        """Samples of the signal."""
         samples = np.zeros(count, np.complex64)
         duration_s = count / sample_rate_hz
-        for _ in range(self._users):
-            first_s = rng.uniform(0.0, self._frame_s)
-            level_db = rng.uniform(*self._levels_db)
-            offset_hz = self._offset_hz + rng.uniform(-20.0, 20.0)
-            starts_s = np.arange(first_s, duration_s, self._frame_s)
-            for start_s in starts_s[rng.uniform(size=len(starts_s)) < self._busy]:
+        for _ in range(self.users):
+            first_s = rng.uniform(0.0, self.frame_s)
+            level_db = rng.uniform(*self.levels_db)
+            offset_hz = self.offset_hz + rng.uniform(-20.0, 20.0)
+            starts_s = np.arange(first_s, duration_s, self.frame_s)
+            for start_s in starts_s[rng.uniform(size=len(starts_s)) < self.busy]:
                 add_burst(
                     samples,
                     start_s=float(start_s),
-                    length_s=self._slot_s,
+                    length_s=self.slot_s,
                     offset_hz=offset_hz,
                     level_db=level_db + rng.normal(0.0, 1.0),
                     phase=rng.uniform(0.0, 2.0 * math.pi),
@@ -129,6 +117,7 @@ class Slots:
         return samples
 
 
+@dataclass(frozen=True, slots=True)
 class Voice:
     """Speech of one sideband: syllables of harmonics of a pitch that glides, in overs.
 
@@ -138,37 +127,28 @@ class Voice:
     `lowest_hz`: where the speech's zero lies, relative to the channel's centre.
     """
 
-    def __init__(
-        self,
-        per_s: float,
-        *,
-        over_s: float = 4.0,
-        pause_s: float = 4.0,
-        syllable_s: tuple[float, float] = (0.020, 0.120),
-        lowest_hz: float = -900.0,
-        levels_db: tuple[float, float] = LEVELS_DB,
-    ) -> None:
-        self._per_s = per_s
-        self._over_s = over_s
-        self._pause_s = pause_s
-        self._syllable_s = syllable_s
-        self._lowest_hz = lowest_hz
-        self._levels_db = levels_db
+    per_s: float
+    _: KW_ONLY
+    over_s: float = 4.0
+    pause_s: float = 4.0
+    syllable_s: tuple[float, float] = (0.020, 0.120)
+    lowest_hz: float = -900.0
+    levels_db: tuple[float, float] = LEVELS_DB
 
     def __call__(
         self, rng: np.random.Generator, count: int, sample_rate_hz: float = 3750.0
     ) -> Samples:
-        """So many samples of it."""
+        """Samples of the signal."""
         samples = np.zeros(count, np.complex64)
         duration_s = count / sample_rate_hz
-        at = float(rng.exponential(self._pause_s))
+        at = float(rng.exponential(self.pause_s))
         while at < duration_s:
-            until = at + float(rng.exponential(self._over_s))
+            until = at + float(rng.exponential(self.over_s))
             while at < min(until, duration_s):
-                length_s = rng.uniform(*self._syllable_s)
+                length_s = rng.uniform(*self.syllable_s)
                 self._speak(rng, samples, at, length_s, sample_rate_hz)
-                at += length_s + float(rng.exponential(1.0 / self._per_s))
-            at += float(rng.exponential(self._pause_s))
+                at += length_s + float(rng.exponential(1.0 / self.per_s))
+            at += float(rng.exponential(self.pause_s))
         return samples
 
     def _speak(
@@ -179,20 +159,19 @@ class Voice:
         length_s: float,
         sample_rate_hz: float,
     ) -> None:
-        """Add a syllable."""
         first = math.ceil(start_s * sample_rate_hz)
         last = min(len(samples), math.ceil((start_s + length_s) * sample_rate_hz))
         if last <= first:
             return
         t = np.arange(last - first) / sample_rate_hz
         pitch_hz, glide = rng.uniform(*_PITCH_HZ), rng.normal(0.0, 60.0)
-        formant_hz, level_db = rng.uniform(300.0, 1500.0), rng.uniform(*self._levels_db)
+        formant_hz, level_db = rng.uniform(300.0, 1500.0), rng.uniform(*self.levels_db)
         envelope = np.sin(np.pi * np.clip(t / length_s, 0.0, 1.0)) ** 0.5
         wave = np.zeros(len(t), np.complex128)
         for harmonic in range(1, _HARMONICS + 1):
             away = (harmonic * pitch_hz - formant_hz) / 400.0
             amplitude = 10.0 ** ((level_db - 6.0 * away * away) / 20.0)
-            turn = harmonic * (pitch_hz * t + 0.5 * glide * t * t) + self._lowest_hz * t
+            turn = harmonic * (pitch_hz * t + 0.5 * glide * t * t) + self.lowest_hz * t
             wave += amplitude * np.exp(1j * (2.0 * np.pi * turn + rng.uniform(0.0, 6.28)))
         scale = 1.0 / math.sqrt(_PULSE_S * sample_rate_hz)
         samples[first:last] += (scale * envelope * wave).astype(np.complex64)

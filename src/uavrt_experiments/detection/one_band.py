@@ -1,4 +1,4 @@
-"""E21: several listed tags of one band, each searched for with the others."""
+"""E21: several listed tags of one band, each searched with the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ _COLLISION_S = 0.04
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """What came of a flight."""
+    """Result of a flight."""
 
     true: int
     """Pulses that no other tag's hit."""
     confirmed: int
-    """Of those, under the number of the tag that sent them."""
+    """Confirmed pulses among these, under the number of their sender."""
     wrong: int
-    """Confirmed as another's, and not said to be maybe its own."""
+    """Pulses confirmed as another tag's, without a note of ambiguity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +36,9 @@ class OneBand:
     """Tags listed at one frequency, some of them on the air."""
 
     intervals_s: tuple[tuple[float, ...], ...]
-    """Of each tag, one or two rates; it sends at the last."""
+    """One or two rates of each tag; it sends at the last."""
     levels_db: tuple[float | None, ...]
-    """Of each tag; None: it is silent."""
+    """Level of each tag; None: it is silent."""
     uncertainty_s: float = 0.06
     duration_s: float = 120.0
 
@@ -84,14 +84,14 @@ class OneBand:
             group.put(0, block, time_ns)
             pulses += group.collect()
         pulses += group.flush()
-        told = [((p.start_time_ns - START_NS) * 1e-9, p) for p in pulses if p.confirmed]
+        reports = [((p.start_time_ns - START_NS) * 1e-9, p) for p in pulses if p.confirmed]
         true = confirmed = wrong = 0
         for tag, train in zip(tags, trains, strict=True):
             others = [p.start_s for other in trains if other is not train for p in other]
             for pulse in train:
                 if any(abs(pulse.start_s - other) < _COLLISION_S for other in others):
                     continue
-                by = [p for at_s, p in told if abs(at_s - pulse.start_s) < 0.015]
+                by = [p for at_s, p in reports if abs(at_s - pulse.start_s) < 0.015]
                 true += 1
                 confirmed += any(p.tag_id == tag.tag_id for p in by)
                 wrong += any(tag.tag_id not in (p.tag_id, *p.also_possible_tag_ids) for p in by)
@@ -100,18 +100,13 @@ class OneBand:
 
 def _case(name: str, scene: OneBand) -> Case:
     def rows(flights: Sequence[Heard]) -> list[Row]:
-        share, (low, high) = share_by_flight(
-            [f.confirmed for f in flights], [f.true for f in flights]
-        )
         return [
-            Row(
-                experiment="E21",
-                quantity="pulses confirmed as their tag's",
-                case=name,
-                figure=share,
-                low=low,
-                high=high,
-                n=sum(f.true for f in flights),
+            Row.with_interval(
+                "E21",
+                "pulses confirmed as their tag's",
+                name,
+                share_by_flight([f.confirmed for f in flights], [f.true for f in flights]),
+                sum(f.true for f in flights),
                 least=0.9,
                 note=f"{len(flights)} flights",
             ),

@@ -1,4 +1,4 @@
-"""What the original reached: measured on its own program."""
+"""Performance of the original, measured on its own program."""
 
 PD = {6.0: 0.018, 7.0: 0.068, 8.0: 0.138, 9.0: 0.333, 10.0: 0.590, 11.0: 0.843, 12.0: 0.965}
 """Pd by ENR [dB]: thesis's tag, K = 3, pf 1 %, n = 400."""
@@ -24,4 +24,4 @@ RECALL_LOST_FRAMES = {1.0: 0.97, 5.0: 0.83}
 """Recall by the share of lost datagrams [%]."""
 LATENCY_S = 7.5
 COST_ONE_TAG_PERCENT = 1.2
-"""Of one core, the better of the range given."""
+"""Percent of one core, the better end of the given range."""

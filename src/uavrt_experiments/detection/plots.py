@@ -20,7 +20,7 @@ _ORIGINAL = "C3"
 
 
 def require_matplotlib() -> None:
-    """Refuse before minutes of work.
+    """Check for matplotlib before minutes of work.
 
     Raises `UsageError`: there is no matplotlib.
     """
@@ -29,7 +29,7 @@ def require_matplotlib() -> None:
 
 
 def draw_all(directory: Path, rows: Sequence[Row]) -> list[Path]:
-    """Draw the curves that there are rows for; the paths of the pictures."""
+    """Draw the curves that have rows; returns the paths of the pictures."""
     from matplotlib.figure import Figure
 
     directory.mkdir(parents=True, exist_ok=True)

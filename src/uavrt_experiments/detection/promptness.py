@@ -1,4 +1,4 @@
-"""E16: how long after a group its record comes, and what a detector costs."""
+"""E16: delay of records after their groups, and CPU of a detector."""
 
 import math
 import statistics
@@ -24,17 +24,17 @@ from uavrt_experiments.detection.signals import (
 )
 from uavrt_experiments.detection.trials import BLOCK_SAMPLES, Emission, emissions
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import quantile, wilson_interval
+from uavrt_experiments.statistics import quantile, share_of
 
 _RATE_HZ = 7500.0
-"""Of a channel in flight."""
+"""Sample rate of a channel in flight."""
 _LIMIT_S = 0.5
 _PERCENT = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Latencies:
-    """From the end of a group's last pulse to its record, by group."""
+    """Time from the end of a group's last pulse to its record, by group."""
 
     first_s: float | None
     """The first group's; None: none was found."""
@@ -46,10 +46,10 @@ def group_latencies(
 ) -> Latencies:
     """Latency of each group: of the record of its last pulse, from the group's end.
 
-    A group ends with its K-th place. One whose last places hold noise alone (a strong pulse
-    may carry two weak terms of the sum) is complete only then. One whose first places do, as
-    of a tag that begins to send, is one or two pulses, which alone need not stand out: the
-    first group is therefore the first K pulses of the tag that are heard; noise may be told
+    A group ends with its K-th place. If its last places hold noise alone (a strong pulse may
+    carry two weak terms of the sum), it is complete only then. If its first places do, as for a
+    tag that begins to send, it is one or two pulses, which may be below the threshold alone.
+    The first group is therefore the tag's first K received pulses; noise may be reported
     before.
     """
     near_s = 0.75 * tag.pulse_width_s
@@ -77,7 +77,6 @@ def group_latencies(
 
 
 def _end_s(record: Emission) -> float:
-    """End of a pulse, since the stream's start."""
     return (record.pulse.end_time_ns - START_NS) * 1e-9
 
 
@@ -117,30 +116,21 @@ def _latency_rows(values: Sequence[float], case: str, *, barred: bool) -> list[R
     if not values:
         return []
     late = sum(value > _LIMIT_S for value in values)
-    low, high = wilson_interval(late, len(values))
     middle = quantile(values, 0.5)
     most = quantile(values, 0.99)
     return [
-        Row(
-            experiment="E16",
-            quantity="last pulse of a group to its record, s (99 %)",
-            case=case,
-            figure=most[0],
-            low=most[1],
-            high=most[2],
-            n=len(values),
+        Row.with_interval(
+            "E16",
+            "last pulse of a group to its record, s (99 %)",
+            case,
+            (most[0], most[1], most[2]),
+            len(values),
             most=_LIMIT_S if barred else None,
             original=original.LATENCY_S,
             note=f"median {middle[0]:.2f}, longest {max(values):.2f}",
         ),
-        Row(
-            experiment="E16",
-            quantity="groups later than 0.5 s",
-            case=case,
-            figure=late / len(values),
-            low=low,
-            high=high,
-            n=len(values),
+        Row.with_interval(
+            "E16", "groups later than 0.5 s", case, share_of(late, len(values)), len(values)
         ),
     ]
 
@@ -156,7 +146,7 @@ def _cost_case(
     signal_s: float = 20.0,
     seconds: float = 0.05,
 ) -> Case:
-    """CPU time of detectors at the real-time rate, in a process that does nothing else."""
+    """CPU time of detectors at the real-time rate, in a process without other work."""
 
     def trial(rng: np.random.Generator, _: int) -> float:
         samples = noise(rng, round(2.0 * signal_s * _RATE_HZ))
@@ -183,14 +173,12 @@ def _cost_case(
 
     def rows(values: Sequence[float]) -> list[Row]:
         return [
-            Row(
-                experiment="E16",
-                quantity="cost, % of one core",
-                case=name,
-                figure=statistics.median(values),
-                low=min(values),
-                high=max(values),
-                n=len(values),
+            Row.with_interval(
+                "E16",
+                "cost, % of one core",
+                name,
+                (statistics.median(values), min(values), max(values)),
+                len(values),
                 most=most,
                 original=published,
                 note="median, least and most; needs a quiet machine",

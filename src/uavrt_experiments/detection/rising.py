@@ -1,4 +1,4 @@
-"""E17: noise that rises and falls: throttle, a transmitter near by."""
+"""E17: noise that rises and falls: throttle, a nearby transmitter."""
 
 import math
 from collections.abc import Sequence
@@ -27,16 +27,16 @@ from uavrt_experiments.statistics import count_interval, share_by_flight
 
 Samples = NDArray[np.complex64]
 Rows = Literal["all", "half"]
-"""Which rows rise: all of them, or those on one side of an edge near the tag."""
+"""Rows that rise: all of them, or those on one side of an edge near the tag."""
 ABSENT_TAG = replace(THESIS_TAG, false_alarm_probability=0.05)
 _STRETCH_S = 120.0
 _EDGE_HZ = 200.0
-"""A transmitter's edge lies so near the tag's frequency, or nearer."""
+"""Largest distance of a transmitter's edge from the tag's frequency."""
 _SKIRT_HZ = 40.0
 """Width over which its density falls to nothing."""
 _SOON_S = 0.1
 _LATE_S = 1.0
-"""From so long after a rise false groups are counted, and counted as in steady noise."""
+"""Time after a rise from which false groups are counted as in steady noise."""
 _SOON_MOST = 2.0
 _LATER = (0.7, 1.4)
 _CONFIRMED_MOST = 0.001
@@ -45,19 +45,19 @@ _WEAK_DB = 10.0
 _STRONG_LEAST = 0.9
 _WEAK_LOSS = 0.1
 _WEAK_LEAST = 0.5
-"""Whatever steady noise leaves: a detector that hears nothing in either is not as good."""
+"""Least share of pulses, since a detector without detections even in steady noise must fail."""
 _TAG_HZ = 100.0
 _INSIDE_HZ = 150.0
-"""Of half the rows the tag's own rise, and no edge lies nearer to it than this."""
+"""In cases where half of the rows and the tag's own rise, no edge lies nearer than this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rise:
-    """Noise that rises, stays, and falls again, over and over.
+    """Noise that rises, stays, and falls again, repeatedly.
 
     `depth_db`: from the low level to the high one.
-    `up_s`, `down_s`: how long the rise and the fall take, linear in decibels.
-    `high_s`, `low_s`: how long each level lasts.
+    `up_s`, `down_s`: duration of the rise and the fall, linear in decibels.
+    `high_s`, `low_s`: duration of each level.
     `first_s`: start of the first rise.
     """
 
@@ -70,7 +70,7 @@ class Rise:
 
     @property
     def period_s(self) -> float:
-        """From rise to rise."""
+        """Time between rises."""
         return self.up_s + self.high_s + self.down_s + self.low_s
 
     def level_db(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -131,7 +131,7 @@ def rising_noise(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarms:
-    """False groups of one stretch, and how many there should be.
+    """False groups of one stretch, and their expected number.
 
     A group with a pulse between 0.1 s after a rise's start and 1 s after its end is ``soon``;
     of the others one with a pulse in the 0.1 s left out is ``at_once``; the rest is ``later``.
@@ -200,7 +200,7 @@ def search_stretch(
     frequency_window_hz: float = 500.0,
     duration_s: float = _STRETCH_S,
 ) -> Alarms:
-    """Search noise that rises for a tag that is not there."""
+    """Search rising noise for an absent tag."""
     samples = rising_noise(
         rng,
         round(duration_s * RATE_HZ),
@@ -226,14 +226,12 @@ def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
     ):
         low, high = count_interval(counts)
         rows.append(
-            Row(
-                experiment="E17",
-                quantity="false alarms / nominal",
-                case=f"{case}, {what}",
-                figure=sum(counts) / expected,
-                low=low / expected,
-                high=high / expected,
-                n=round(sum(o.intervals for o in outcomes)),
+            Row.with_interval(
+                "E17",
+                "false alarms / nominal",
+                f"{case}, {what}",
+                (sum(counts) / expected, low / expected, high / expected),
+                round(sum(o.intervals for o in outcomes)),
                 least=least,
                 most=most,
                 note=f"{sum(counts)} groups, {sum(o.at_once for o in outcomes)} in the 0.1 s",
@@ -243,14 +241,16 @@ def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
     low, high = count_interval(confirmed)
     intervals = sum(o.intervals for o in outcomes)
     rows.append(
-        Row(
-            experiment="E17",
-            quantity="falsely confirmed groups per decision, %",
-            case=case,
-            figure=100.0 * sum(confirmed) / intervals,
-            low=100.0 * low / intervals,
-            high=100.0 * high / intervals,
-            n=round(intervals),
+        Row.with_interval(
+            "E17",
+            "falsely confirmed groups per decision, %",
+            case,
+            (
+                100.0 * sum(confirmed) / intervals,
+                100.0 * low / intervals,
+                100.0 * high / intervals,
+            ),
+            round(intervals),
             most=100.0 * _CONFIRMED_MOST,
             note=f"{sum(confirmed)} groups",
         )
@@ -260,10 +260,10 @@ def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """Pulses of a tag in noise that rises, and what share steady noise leaves of them.
+    """Pulses of a tag in rising noise, compared with steady noise.
 
-    `steady`: share that is found in noise that stays low, and that stays high, each for its
-    time.
+    `steady`: share that is found in noise that stays low, and that stays high, each weighted by
+    its time.
     """
 
     true: int
@@ -279,7 +279,7 @@ def hear(
     enr_db: float,
     duration_s: float = _STRETCH_S,
 ) -> Heard:
-    """Follow a tag that keeps the same strength above the noise of the moment."""
+    """Follow a tag of constant strength above the present noise."""
     upwards, inside = bool(rng.integers(2)), bool(rng.integers(2))
     away_hz = float(rng.uniform(_INSIDE_HZ, _INSIDE_HZ + _EDGE_HZ))
     above_hz = None if rows == "all" else _TAG_HZ + away_hz * (-1.0 if upwards == inside else 1)
@@ -327,19 +327,14 @@ def heard_rows(
     outcomes: Sequence[Heard], *, case: str, least: float | None = None
 ) -> list[Row]:
     """Share of the pulses found; without a bar of its own, that of steady noise less 0.1."""
-    share, (low, high) = share_by_flight(
-        [o.found for o in outcomes], [o.true for o in outcomes]
-    )
     steady = sum(o.steady for o in outcomes) / len(outcomes)
     return [
-        Row(
-            experiment="E17",
-            quantity="recall",
-            case=case,
-            figure=share,
-            low=low,
-            high=high,
-            n=sum(o.true for o in outcomes),
+        Row.with_interval(
+            "E17",
+            "recall",
+            case,
+            share_by_flight([o.found for o in outcomes], [o.true for o in outcomes]),
+            sum(o.true for o in outcomes),
             least=max(steady - _WEAK_LOSS, _WEAK_LEAST) if least is None else least,
             note=f"{len(outcomes)} flights; {steady:.3f} in steady noise",
         )
@@ -354,7 +349,7 @@ _RADIO_TAGS = 12
 def search_radio(
     rng: np.random.Generator, rise: Rise, *, duration_s: float = _RADIO_S
 ) -> Alarms:
-    """Absent tags through the whole front end, all the band's noise rising."""
+    """Search for absent tags through the whole front end, with all the band's noise rising."""
     center_hz = THESIS_TAG.frequency_hz
     tags = [
         replace(
@@ -406,7 +401,7 @@ def _alarm_case(name: str, rows: Rows, *, window_hz: float = 500.0, trials: int 
 
 
 def _known_case(name: str, rise: Rise) -> Case:
-    """One rise over and over, as the issue of a throttle was first seen."""
+    """One rise repeatedly, as in the first report of a throttle."""
 
     def trial(rng: np.random.Generator, _: int) -> Alarms:
         own = replace(rise, first_s=rise.first_s + float(rng.uniform(0.0, 1.0)))
@@ -460,7 +455,7 @@ def _radio_case(name: str) -> Case:
 
 
 def steps(rng: np.random.Generator) -> Rise:
-    """Steps of 20 dB up and down, one second each: the hardest that is asked for."""
+    """Steps of 20 dB up and down, one second each: the hardest required case."""
     return Rise(
         depth_db=20.0,
         up_s=0.01,

@@ -10,12 +10,12 @@ from uavrt_experiments.detection.cases import FULL_TRIALS, Case, Experiment
 from uavrt_experiments.detection.signals import THESIS_TAG, TRACKER_TAG
 from uavrt_experiments.detection.trials import Decision
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import level_for, wilson_interval
+from uavrt_experiments.statistics import level_for, share_of
 
 _CLEARLY_DB = 1.5
 _CLEARLY_PD = 0.8
 Shot = tuple[float, bool]
-"""ENR of a decision [dB], and whether the group was found."""
+"""ENR of a decision [dB], and True if the group was found."""
 
 
 def points_of(shots: Sequence[Shot]) -> list[tuple[float, int, int]]:
@@ -41,7 +41,7 @@ def curve_case(
     per_level: int = FULL_TRIALS,
     short: Case | None = None,
 ) -> Case:
-    """Decisions at several levels, which take turns; in short four at each, if nothing else."""
+    """Decisions at several levels in turn; in short four at each, if there is no other form."""
 
     def trial(rng: np.random.Generator, index: int) -> Shot:
         level = levels_db[index % len(levels_db)]
@@ -61,24 +61,21 @@ def curve_case(
 def clearly_above(
     *, experiment: str, name: str, decision: Decision, bar_db: float, trials: int
 ) -> Case:
-    """Short form of a curve: decisions at 1.5 dB above the ENR that it must reach.
+    """Short form of a curve: decisions at 1.5 dB above the required ENR.
 
-    Where half of them must be found, nine in ten or more are to be expected there. Few trials
-    at the bar itself say nothing: a curve fitted to misses alone reaches a half anywhere.
+    Where half of them must be found, nine in ten or more are expected there. Few trials at the
+    bar itself show nothing: a curve fitted to misses alone reaches a half anywhere.
     """
     level = bar_db + _CLEARLY_DB
 
     def rows(hits: Sequence[bool]) -> list[Row]:
-        low, high = wilson_interval(sum(hits), len(hits))
         return [
-            Row(
-                experiment=experiment,
-                quantity="Pd",
-                case=f"{name}, {level:g} dB",
-                figure=sum(hits) / len(hits),
-                low=low,
-                high=high,
-                n=len(hits),
+            Row.with_interval(
+                experiment,
+                "Pd",
+                f"{name}, {level:g} dB",
+                share_of(sum(hits), len(hits)),
+                len(hits),
                 least=_CLEARLY_PD,
             )
         ]
@@ -107,16 +104,13 @@ def pd_rows(
     """Pd at each level: at least the original's."""
     rows = []
     for level, hits, trials in points_of(shots):
-        low, high = wilson_interval(hits, trials)
         rows.append(
-            Row(
-                experiment=experiment,
-                quantity="Pd",
-                case=f"{case}, {level:g} dB",
-                figure=hits / trials,
-                low=low,
-                high=high,
-                n=trials,
+            Row.with_interval(
+                experiment,
+                "Pd",
+                f"{case}, {level:g} dB",
+                share_of(hits, trials),
+                trials,
                 least=(bars or {}).get(level, reference.get(level)),
                 original=reference.get(level),
                 genie=theory.genie(k, level, probability),
@@ -143,14 +137,12 @@ def level_row(
 ) -> Row:
     """ENR at which a curve reaches a share."""
     level, low, high, _ = level_for(points_of(shots), share)
-    return Row(
-        experiment=experiment,
-        quantity=f"ENR for Pd {share:g}, dB",
-        case=case,
-        figure=level,
-        low=low,
-        high=high,
-        n=len(shots),
+    return Row.with_interval(
+        experiment,
+        f"ENR for Pd {share:g}, dB",
+        case,
+        (level, low, high),
+        len(shots),
         most=most,
         original=original,
         genie=genie,

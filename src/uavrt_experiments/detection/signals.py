@@ -30,13 +30,13 @@ TRACKER_TAG = Tag(
     k=3,
     false_alarm_probability=0.01,
 )
-"""The tag that the original's ground station starts with."""
+"""Default tag of the original's ground station."""
 START_NS = 1_700_000_000_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePulse:
-    """One pulse that was put in."""
+    """One generated pulse."""
 
     start_s: float
     offset_hz: float

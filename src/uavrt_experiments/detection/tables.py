@@ -1,4 +1,4 @@
-"""Rows as files: JSON to go on with, CSV and Markdown to read."""
+"""Rows as files: JSON to continue from, CSV and Markdown to read."""
 
 import json
 import math
@@ -13,30 +13,30 @@ from uavrt_experiments.tables import HEADER, bars_kept, cells, write_csv
 
 RESULTS = "results.json"
 FOLDERS = ("detection", "dsp")
-"""Of the package: where the figures come from."""
+"""Folders of the package that the figures depend on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """What rows were measured with."""
+    """Origin of rows: trials, seed, code and machine."""
 
     version: str
     seed: int
     trials: int
     """Decisions for each point of a Pd curve."""
     measured: str = ""
-    """Commit, date, machine and code, as `uavrt_experiments.measured` writes and reads them."""
+    """Commit, date, machine and code, as in `uavrt_experiments.measured`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """All rows at hand, and where each experiment's come from."""
+    """All available rows, and the origin of each experiment's."""
 
     rows: tuple[Row, ...]
     origins: dict[str, Origin]
 
     def merged(self, other: "Results") -> "Results":
-        """These, with the other's experiments in the place of those of the same name."""
+        """These, with the other's experiments replacing those of the same name."""
         rows = [row for row in self.rows if row.experiment not in other.origins]
         order = list(EXPERIMENTS)
         both = sorted([*rows, *other.rows], key=lambda row: order.index(row.experiment))
@@ -44,7 +44,7 @@ class Results:
 
 
 def as_json(results: Results) -> dict[str, Any]:
-    """For `json.dumps`; numbers that JSON has no word for become null."""
+    """For `json.dumps`; numbers that JSON cannot hold become null."""
     return {
         "origins": {name: asdict(origin) for name, origin in sorted(results.origins.items())},
         "rows": [

@@ -1,7 +1,7 @@
-"""Bounds that a detector of K pulses cannot pass.
+"""Bounds for a detector of K pulses.
 
-Noncoherent square law, Pd = Q_K(sqrt(2 K ENR), sqrt(2 x)) with
-x the threshold of a sum of K unit exponentials.
+Noncoherent square law, Pd = Q_K(sqrt(2 K ENR), sqrt(2 x)) with x the threshold of a sum of K
+unit exponentials.
 """
 
 import math
@@ -10,7 +10,7 @@ from functools import lru_cache
 EFFECTIVE_CELLS = {1: 1.5e4, 2: 3.7e5, 3: 9e5, 5: 6e6, 8: 3e7, 12: 7e8}
 """Effective hypotheses of the original's search, by K (the middle of the range given)."""
 EFFECTIVE_CELLS_TRACKER = 2.3e6
-"""For the tag that the original's ground station starts with, K = 3."""
+"""The same for the default tag of the original's ground station, K = 3."""
 ENR_HALF_DB = {1: 11.4, 2: 9.8, 3: 8.5, 5: 7.2, 8: 6.0, 12: 5.2}
 """ENR for Pd .5 of the table of theory, by K: aligned pulses, full search."""
 GENIE_HALF_DB = {1: 6.1, 2: 4.1, 3: 2.9, 5: 1.5, 8: 0.2, 12: -0.8}
@@ -57,7 +57,7 @@ def detection_probability(k: int, enr_db: float, threshold: float) -> float:
 
 
 def genie(k: int, enr_db: float, false_alarms: float = 0.01) -> float:
-    """Pd when time, frequency and interval are known beforehand."""
+    """Pd when time, frequency and interval are known."""
     return detection_probability(k, enr_db, erlang_threshold(k, false_alarms))
 
 
@@ -70,12 +70,14 @@ def union_bound(
 
 
 def single_pulse(enr_db: float, false_alarms: float = 0.01) -> float:
-    """Pd of an energy detector that decides on each pulse by itself, same false alarms."""
+    """Pd of an energy detector that decides on each pulse by itself, with the same false
+    alarms.
+    """
     return union_bound(1, enr_db, false_alarms)
 
 
 def snr_error_db(enr_db: float) -> float:
-    """Standard deviation of a pulse's measured ENR [dB]: its energy's in known noise.
+    """Standard deviation of a pulse's measured ENR [dB] in known noise.
 
     The energy |sqrt(E) + n|^2 of a matched filter has the variance 2 E + 1.
     """

@@ -1,4 +1,4 @@
-"""E4, E8: a tag followed for minutes, weak, fading away, off its interval."""
+"""E4, E8: a tag followed for minutes: weak, fading, off its interval."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,7 +19,7 @@ SEEDS = 20
 _CPU_PER_SECOND = 0.0025
 """CPU time of a second of the whole channel at 3750 S/s."""
 SHORT_S = 40.0
-"""Flights of the short forms: some thirty pulses show what goes wrong with most."""
+"""Duration of the short forms: some thirty pulses show the commonest faults."""
 _RAMP_S = 300.0
 _RAMP_DB = (14.0, 5.0)
 
@@ -33,7 +33,7 @@ def flight_case(
     least: int = 3,
     brief: Flight | None = None,
 ) -> Case:
-    """Flights of one condition; in short a brief one, by itself the first 40 s."""
+    """Flights of one condition; the short form is a single one of 40 s by default."""
     full = Case(
         name=name,
         trials=seeds,
@@ -56,17 +56,12 @@ def recall_row(
     at: float | None = None,
 ) -> Row:
     """Share of the pulses that were confirmed, mean over the flights."""
-    share, (low, high) = share_by_flight(
-        [f.confirmed for f in flights], [f.true for f in flights]
-    )
-    return Row(
-        experiment=experiment,
-        quantity="confirmed recall",
-        case=case,
-        figure=share,
-        low=low,
-        high=high,
-        n=sum(f.true for f in flights),
+    return Row.with_interval(
+        experiment,
+        "confirmed recall",
+        case,
+        share_by_flight([f.confirmed for f in flights], [f.true for f in flights]),
+        sum(f.true for f in flights),
         least=least,
         original=original,
         at=at,
@@ -84,17 +79,15 @@ def count_row(
     original: float | None = None,
     note: str = "",
 ) -> Row:
-    """Something that should not happen, in a flight."""
+    """Count of errors in a flight."""
     total, flights = sum(counts), len(counts)
     low, high = count_interval(counts)
-    return Row(
-        experiment=experiment,
-        quantity=quantity,
-        case=case,
-        figure=total / flights,
-        low=low / flights,
-        high=high / flights,
-        n=flights,
+    return Row.with_interval(
+        experiment,
+        quantity,
+        case,
+        (total / flights, low / flights, high / flights),
+        flights,
         most=most,
         original=original,
         note=note or f"{total} in all",
@@ -167,14 +160,12 @@ def _ramp_rows(flights: Sequence[Comparison]) -> list[Row]:
     level, low, high, _ = level_for(points_of(shots), 0.5)
     lowest = min(at for at, _ in shots)
     return [
-        Row(
-            experiment="E4",
-            quantity="ENR for confirmed recall .5, dB",
-            case=case,
-            figure=max(level, lowest),
-            low=low,
-            high=max(high, lowest),
-            n=len(shots),
+        Row.with_interval(
+            "E4",
+            "ENR for confirmed recall .5, dB",
+            case,
+            (max(level, lowest), low, max(high, lowest)),
+            len(shots),
             most=8.5,
             original=original.HALF_CONFIRMED_DB,
             note="at most: more than half at all levels" if level < lowest else "",
@@ -190,7 +181,7 @@ def _ramp_rows(flights: Sequence[Comparison]) -> list[Row]:
 
 
 def _first_confirmed() -> Case:
-    """How long until a tag of 14 dB is confirmed, from the stream's start."""
+    """Time until a tag of 14 dB is confirmed, from the stream's start."""
 
     def trial(rng: np.random.Generator, _: int, *, duration_s: float = 30.0) -> float:
         flight = Flight(enr_db=14.0, duration_s=duration_s)
@@ -199,16 +190,13 @@ def _first_confirmed() -> Case:
         return min(sure, default=flight.duration_s)
 
     def rows(times_s: Sequence[float]) -> list[Row]:
-        median, low, high = quantile(times_s, 0.5)
         return [
-            Row(
-                experiment="E4",
-                quantity="time to the first confirmed record, s (median)",
-                case="ENR 14 dB, from the stream's start",
-                figure=median,
-                low=low,
-                high=high,
-                n=len(times_s),
+            Row.with_interval(
+                "E4",
+                "time to the first confirmed record, s (median)",
+                "ENR 14 dB, from the stream's start",
+                quantile(times_s, 0.5),
+                len(times_s),
                 most=original.FIRST_CONFIRMED_14_DB_S,
                 original=original.FIRST_CONFIRMED_14_DB_S,
             )

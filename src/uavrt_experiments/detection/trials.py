@@ -25,7 +25,7 @@ Samples = NDArray[np.complex64]
 BLOCK_SAMPLES = 653
 """About 87 ms of a 7.5 kS/s channel: how samples arrive in a flight."""
 RATE_HZ = 3750.0
-"""Rate of the original's channels, of all trials unless said."""
+"""Rate of the original's channels, and the default of all trials."""
 WHOLE_CHANNEL_HZ = math.inf
 _RICIAN = 10.0**0.6
 """Power of the steady part over that of the fading one: 6 dB."""
@@ -94,7 +94,7 @@ def detect(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Emission:
-    """A record, and how much of the stream had come when it was made."""
+    """A record, and the amount of the stream that preceded it."""
 
     pulse: Pulse
     at_s: float
@@ -108,7 +108,7 @@ def emissions(
     frequency_window_hz: float = WHOLE_CHANNEL_HZ,
     block: int = BLOCK_SAMPLES,
 ) -> list[Emission]:
-    """Records of a detector with the stream's time at which each left it."""
+    """Records of a detector with the stream's time of each."""
     detector = PulseDetector(
         tag,
         sample_rate_hz=sample_rate_hz,
@@ -140,7 +140,7 @@ class Comparison:
     snr_errors_db: list[float] = field(default_factory=list)
     found: list[bool] = field(default_factory=list)
     sure: list[bool] = field(default_factory=list)
-    """Of each true pulse, whether it was found and whether it was confirmed."""
+    """For each true pulse, if it was found and if it was confirmed."""
     levels_db: list[float] = field(default_factory=list)
     """ENR of each true pulse."""
 
@@ -184,7 +184,7 @@ def compare(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Stretches in which one decision is taken, as the original's segments."""
+    """Stretches with one decision each, as the original's segments."""
 
     tag: Tag = THESIS_TAG
     frequency_window_hz: float = WHOLE_CHANNEL_HZ
@@ -197,7 +197,7 @@ class Decision:
     interval_drift: float = 0.0
     """Relative change of the interval from pulse to pulse, of random sign."""
     drift_hz_per_s: float = 0.0
-    """Of random sign."""
+    """Drift of random sign."""
     strength: Literal["steady", "rician", "ramp"] = "steady"
 
     def stretch(
@@ -224,7 +224,7 @@ class Decision:
         return samples, truth
 
     def found(self, rng: np.random.Generator, enr_db: float) -> bool:
-        """Whether a fresh detector finds the group in such a stretch."""
+        """True if a new detector finds the group in such a stretch."""
         samples, truth = self.stretch(rng, enr_db)
         pulses, _ = detect(samples, self.tag, frequency_window_hz=self.frequency_window_hz)
         return group_found(pulses, truth, self.tag)
@@ -250,9 +250,9 @@ class Decision:
 
 
 def group_found(pulses: Sequence[Pulse], truth: Sequence[TruePulse], tag: Tag) -> bool:
-    """Whether one of the reported groups is the tag's.
+    """True if one of the reported groups is the tag's.
 
-    One with all frequencies within 50 Hz and at least half of its pulses in place.
+    All its frequencies are within 50 Hz, and at least half of its pulses in place.
     """
     groups: dict[tuple[int, int], list[Pulse]] = {}
     for pulse in pulses:
@@ -268,7 +268,7 @@ def group_found(pulses: Sequence[Pulse], truth: Sequence[TruePulse], tag: Tag) -
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A long stretch with a tag, and maybe other things, compared with the truth."""
+    """A long stretch with a tag, and maybe other signals, compared with the truth."""
 
     enr_db: float | Callable[[float], float]
     tag: Tag = THESIS_TAG
@@ -282,7 +282,7 @@ class Flight:
     interval_drift: float = 0.0
     frequency_window_hz: float = WHOLE_CHANNEL_HZ
     extra: Callable[[np.random.Generator, int], Samples] | None = None
-    """Makes what is added to the samples: interference, other tags."""
+    """Makes additional samples: interference, other tags."""
 
     def samples(self, rng: np.random.Generator) -> tuple[Samples, list[TruePulse]]:
         """The samples and the truth."""

@@ -1,4 +1,4 @@
-"""E9: samples lost in the radio without a word, and what becomes of times and pulses."""
+"""E9: unreported sample loss in the radio, and its effect on times and pulses."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -27,10 +27,10 @@ from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import share_by_flight
 
 _TRANSFER_S = 65_536 / 3_000_000
-"""What airspy_rx writes at once."""
+"""Duration of one write of airspy_rx."""
 _WITHIN_S = 0.020
 _SETTLED_S = 1.0
-"""So long after a loss every time must be right."""
+"""Time after a loss from which every time must be right."""
 _EVERY_S = 0.37
 _STREAM_S = 120.0
 _FLIGHT_S = 180.0
@@ -39,10 +39,11 @@ _ENR_DB = 16.0
 
 
 def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[IQBlock]:
-    """Gather arrivals to blocks as a source of a live stream does.
+    """Join arrivals to blocks as a source of a live stream does.
 
     `stream`: the arrivals.
-    `samples` (stream.samples,): those that came; zeros without memory when only times matter.
+    `samples` (stream.samples,): those that arrived; zeros without memory when only times
+    matter.
     """
     rate_hz = stream.delivery.sample_rate_hz
     came = np.broadcast_to(np.complex64(0), stream.samples) if samples is None else samples
@@ -69,7 +70,7 @@ def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[I
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimesKept:
-    """What became of a stream's times."""
+    """Accuracy of a stream's times."""
 
     instants: int
     within: int
@@ -135,11 +136,11 @@ class Unsaid:
             ),
             flight.tag,
         )
-        told, _ = detect_blocks(_told(stream, came), flight.tag)
+        reported, _ = detect_blocks(_with_true_times(stream, came), flight.tag)
         there = [
             pulse for pulse in truth if _came(true, pulse.start_s, flight.tag.pulse_width_s)
         ]
-        return compare(unsaid, there, flight.tag), compare(told, there, flight.tag)
+        return compare(unsaid, there, flight.tag), compare(reported, there, flight.tag)
 
 
 def _filled(
@@ -152,8 +153,8 @@ def _filled(
     return np.concatenate((zeros, samples)), time_ns - ns_from_s(lost / sample_rate_hz)
 
 
-def _told(stream: DeliveredStream, came: Samples) -> Iterator[tuple[Samples, int]]:
-    """Blocks that end where something is missing, with their true times."""
+def _with_true_times(stream: DeliveredStream, came: Samples) -> Iterator[tuple[Samples, int]]:
+    """Blocks that end at losses, with their true times."""
     size = block_length(stream.delivery.sample_rate_hz)
     edges = [0, *stream.losses.tolist(), stream.samples]
     for begin, end in pairwise(edges):
@@ -167,22 +168,18 @@ def _told(stream: DeliveredStream, came: Samples) -> Iterator[tuple[Samples, int
 def _came(
     true: "np.ndarray[tuple[int], np.dtype[np.int64]]", start_s: float, width_s: float
 ) -> bool:
-    """Whether at least half of a pulse came."""
     low, high = np.searchsorted(true, [start_s * RATE_HZ, (start_s + width_s) * RATE_HZ])
     return bool(high - low >= 0.5 * width_s * RATE_HZ)
 
 
 def _time_rows(case: str, kept: Sequence[TimesKept], share: float) -> list[Row]:
     def row(quantity: str, good: list[int], all_: list[int], least: float) -> Row:
-        figure, (low, high) = share_by_flight(good, all_)
-        return Row(
-            experiment="E9",
-            quantity=quantity,
-            case=case,
-            figure=figure,
-            low=low,
-            high=high,
-            n=sum(all_),
+        return Row.with_interval(
+            "E9",
+            quantity,
+            case,
+            share_by_flight(good, all_),
+            sum(all_),
             least=least,
             note=f"{len(kept)} streams of {_STREAM_S:g} s",
         )
@@ -207,14 +204,12 @@ def _time_rows(case: str, kept: Sequence[TimesKept], share: float) -> list[Row]:
         ratios = [n / k.lost for n, k in zip(named, kept, strict=True) if k.lost]
         error = 2.0 * float(np.std(ratios)) / math.sqrt(max(len(ratios), 1))
         rows.append(
-            Row(
-                experiment="E9",
-                quantity="samples called lost over those lost",
-                case=case,
-                figure=sum(named) / lost,
-                low=sum(named) / lost - error,
-                high=sum(named) / lost + error,
-                n=len(kept),
+            Row.with_interval(
+                "E9",
+                "samples called lost over those lost",
+                case,
+                (sum(named) / lost, sum(named) / lost - error, sum(named) / lost + error),
+                len(kept),
                 least=0.9,
                 most=1.1,
             )
@@ -223,32 +218,23 @@ def _time_rows(case: str, kept: Sequence[TimesKept], share: float) -> list[Row]:
 
 
 def _count(quantity: str, case: str, count: int, streams: int) -> Row:
-    return Row(
-        experiment="E9",
-        quantity=quantity,
-        case=case,
-        figure=float(count),
-        low=float(count),
-        high=float(count),
-        n=streams,
-        most=0.0,
+    return Row.with_interval(
+        "E9", quantity, case, (float(count), float(count), float(count)), streams, most=0.0
     )
 
 
 def _recall_rows(case: str, flights: Sequence[tuple[Comparison, Comparison]]) -> list[Row]:
-    unsaid, (low, high) = share_by_flight(
+    unsaid, low, high = share_by_flight(
         [u.confirmed for u, _ in flights], [u.true for u, _ in flights]
     )
     reported = sum(t.confirmed for _, t in flights) / sum(t.true for _, t in flights)
     return [
-        Row(
-            experiment="E9",
-            quantity="recall over that with reported losses",
-            case=case,
-            figure=unsaid / reported,
-            low=low / reported,
-            high=high / reported,
-            n=sum(u.true for u, _ in flights),
+        Row.with_interval(
+            "E9",
+            "recall over that with reported losses",
+            case,
+            (unsaid / reported, low / reported, high / reported),
+            sum(u.true for u, _ in flights),
             least=0.95,
             note=f"reported {reported:.3f}; {len(flights)} flights",
         )

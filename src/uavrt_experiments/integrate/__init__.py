@@ -1,1 +1,1 @@
-"""What judging whole flights reaches, measured: false alarms, range, place, cost."""
+"""Measured performance of judging whole flights: false alarms, range, place, cost."""

@@ -1,4 +1,4 @@
-"""All experiments on judging whole flights, and how they are run."""
+"""All experiments on judging whole flights, and their runner."""
 
 import zlib
 from collections.abc import Callable, Iterable
@@ -16,7 +16,7 @@ from uavrt_experiments.result import Row
 
 EXPERIMENTS: dict[str, Experiment] = {one.name: one for one in (I1, I2, I3, I4, I5, I6, I7)}
 FOLDERS = ("integration", "detection")
-"""Of the package: where the figures come from."""
+"""Folders of the package that the figures depend on."""
 
 
 def run_all(
@@ -30,10 +30,9 @@ def run_all(
     """Run experiments and make their rows.
 
     `trials`: flights for a curve of detection; everything else in proportion.
-    `seed`: with a case's name and a flight's number it makes all that is random in it.
+    `seed`: makes all that is random, with a case's name and a flight's number.
     `case`: only cases with this in their names.
-    `on_progress`: takes the share done, by the CPU time that was expected, and what was done
-    last.
+    `on_progress`: receives the share done, by expected CPU time, and the last case.
     """
     chosen = [(e, one) for e in experiments for one in e.cases if case in one.name]
     total = sum(one.count(trials) * one.seconds for _, one in chosen) or 1.0

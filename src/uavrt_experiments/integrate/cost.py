@@ -1,4 +1,4 @@
-"""I5: what judging a flight costs."""
+"""I5: cost of judging a flight."""
 
 import resource
 import time
@@ -15,7 +15,7 @@ from uavrt_experiments.result import Row
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """Of one tag in one flight."""
+    """Cost of one tag in one flight."""
 
     minutes: float
     cpu_s: float

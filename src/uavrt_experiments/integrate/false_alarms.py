@@ -1,4 +1,4 @@
-"""I1: a flight without the tag shows one as seldom as asked for."""
+"""I1: false alarms of flights without the tag, at the nominal rate."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from uavrt_experiments.integrate.flights import (
     turning,
 )
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import Z95, poisson_interval
+from uavrt_experiments.statistics import Z95, Interval, poisson_interval
 
 NOMINAL = 0.01
 _SECOND = "second tag of 0 to 12 dB on the frequency"
@@ -29,18 +29,18 @@ _WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
 """A search that takes a tenth of a second: 100 pulses, ± 20 ms, ± 60 Hz."""
 _PASS = replace(_WORLD, course=passing(100, speed_m_s=40.0))
 _LANES = replace(_WORLD, course=lawnmower(speed_m_s=40.0))
-"""Four times as fast as they are flown, over the same ground: a fourth of the pulses."""
+"""Four times the real speed over the same ground: a fourth of the pulses."""
 _STILL = replace(_WORLD, course=replace(passing(100, speed_m_s=0.0), name="in one place"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chance:
-    """What a flight without its tag was judged."""
+    """Result of a flight without its tag."""
 
     log_expected: float
-    """Of the trains that noise alone shows as unlikely."""
+    """Logarithm of the expected number of equally unlikely trains by noise."""
     found: bool
-    """At the nominal probability, when all was said."""
+    """True if found at the nominal probability."""
 
 
 def flown(
@@ -74,17 +74,17 @@ def humming(rng: np.random.Generator, world: World) -> Samples:
     return coloured_noise(rng, count, tilt_db=6.0, hum=True)
 
 
-def beside(rng: np.random.Generator, world: World) -> Samples:
+def neighbour(rng: np.random.Generator, world: World) -> Samples:
     """A neighbour 30 dB above a tag of 2 dB, 500 Hz away, at the tag's interval."""
     samples = white(rng, world)
-    neighbour = Truth(
+    other = Truth(
         east_m=0.0,
         north_m=2000.0,
         interval_s=INTERVAL_S + rng.uniform(-0.015, 0.015),
         offset_hz=500.0,
         first_s=rng.uniform(0.0, INTERVAL_S),
     )
-    add_pulses(rng, samples, world.pulses(rng, neighbour, 32.0))
+    add_pulses(rng, samples, world.pulses(rng, other, 32.0))
     return samples
 
 
@@ -113,7 +113,7 @@ def impulses(rng: np.random.Generator, world: World) -> Samples:
     return samples
 
 
-def gumbel_share(log_expected: Sequence[float], nominal: float = NOMINAL) -> tuple[float, ...]:
+def gumbel_share(log_expected: Sequence[float], nominal: float = NOMINAL) -> Interval:
     """False alarms over nominal by the Gumbel law of the best trains, and their 95 % interval.
 
     With all chances right, minus the logarithm of the expected number of trains as unlikely
@@ -170,15 +170,12 @@ def chance_rows(
     """False alarms by Gumbel's law, and counted; by default where the chance is nominal."""
     if found is None:
         found = sum(-math.expm1(-math.exp(one)) <= NOMINAL for one in log_expected)
-    figure, low, high = gumbel_share(log_expected)
-    fitted = Row(
-        experiment=experiment,
-        quantity="false alarms / nominal 1 % per flight, Gumbel fit",
-        case=name,
-        figure=figure,
-        low=low,
-        high=high,
-        n=len(log_expected),
+    fitted = Row.with_interval(
+        experiment,
+        "false alarms / nominal 1 % per flight, Gumbel fit",
+        name,
+        gumbel_share(log_expected),
+        len(log_expected),
         least=0.7,
         most=1.4,
     )
@@ -195,14 +192,12 @@ def _counted(
 ) -> Row:
     fewest, top = poisson_interval(count)
     expected = NOMINAL * flights
-    return Row(
-        experiment=experiment,
-        quantity="false alarms / nominal 1 % per flight, counted",
-        case=name,
-        figure=count / expected,
-        low=fewest / expected,
-        high=top / expected,
-        n=flights,
+    return Row.with_interval(
+        experiment,
+        "false alarms / nominal 1 % per flight, counted",
+        name,
+        (count / expected, fewest / expected, top / expected),
+        flights,
         least=least,
         most=most,
         note=f"{count} flights",
@@ -215,7 +210,7 @@ I1 = Experiment(
     cases=(
         _case("white noise", white),
         _case("noise tilted by 6 dB", tilted),
-        _case("neighbour + 30 dB, 500 Hz away", beside),
+        _case("neighbour + 30 dB, 500 Hz away", neighbour),
         _case(_SECOND, second),
         _case("tilted noise with hum", humming),
         _case("5 impulses a second of up to 40 dB", impulses),

@@ -1,4 +1,4 @@
-"""Flights past a weak tag: the course, what the antenna heard, and the search of it."""
+"""Flights past a weak tag: course, antenna levels, and search."""
 
 import math
 from collections.abc import Callable
@@ -43,12 +43,12 @@ def _steps(count: int) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Course:
-    """Where a drone was, how it pointed, and where its tag may be."""
+    """Path and heading of a drone, and possible places of its tag."""
 
     name: str
     antenna: str
     exponent: float
-    """Of the true fall with distance."""
+    """True path loss exponent."""
     duration_s: float
     east_m: _Floats
     """Every fifth of a second."""
@@ -147,25 +147,25 @@ def passing(
     *,
     exponent: float = 2.0,
     speed_m_s: float = 10.0,
-    beside_m: float = 1000.0,
+    aside_m: float = 1000.0,
 ) -> Course:
     """Fly straight past a tag with an antenna that hears all round."""
     count = round(pulses * INTERVAL_S / _STEP_S) + 1
     along = (_steps(count) - 0.5 * _STEP_S * (count - 1)) * speed_m_s
 
-    def beside(rng: np.random.Generator) -> tuple[float, float]:
+    def aside(rng: np.random.Generator) -> tuple[float, float]:
         side = 1.0 if rng.random() < 0.5 else -1.0
-        return side * beside_m, float(rng.uniform(-0.1, 0.1) * along[-1])
+        return side * aside_m, float(rng.uniform(-0.1, 0.1) * along[-1])
 
     return Course(
-        name=f"pass at {beside_m / 1000:g} km, n = {exponent:g}, {pulses} pulses",
+        name=f"pass at {aside_m / 1000:g} km, n = {exponent:g}, {pulses} pulses",
         antenna="isotropic",
         exponent=exponent,
         duration_s=pulses * INTERVAL_S,
         east_m=np.zeros(count),
         north_m=along,
         yaw_deg=np.zeros(count),
-        tag_at=beside,
+        tag_at=aside,
     )
 
 
@@ -231,7 +231,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class World:
-    """What is looked for on a course, and with what freedom."""
+    """Search ranges on a course."""
 
     course: Course
     slack_s: float = 0.060
@@ -241,11 +241,11 @@ class World:
     """Half-width within which true intervals lie; by default 0.8 of the slack."""
     spread_hz: float | None = None
     second_s: float | None = None
-    """Another rate of the tag: it has each in one half of the flight."""
+    """Second rate of the tag: it has each in one half of the flight."""
 
     @property
     def tag(self) -> Tag:
-        """As it is listed."""
+        """List entry of the tag."""
         second = () if self.second_s is None else (self.second_s,)
         return replace(
             THESIS_TAG,
@@ -298,7 +298,7 @@ class World:
     def energies(
         self, samples: Samples, there: NDArray[np.bool_] | None = None
     ) -> SlotEnergies:
-        """What a channel's samples hold for the search."""
+        """Energies of a channel's samples for the search."""
         tag = self.tag
         return slot_energies(
             samples,
@@ -327,7 +327,7 @@ class World:
 
 @lru_cache(maxsize=16)
 def looked_at(course: Course) -> tuple[Places, NDArray[np.intp]]:
-    """Places around a course, and those that stand for all."""
+    """Places around a course, and those that represent all."""
     end_ns = START_NS + round(course.duration_s * NANOSECONDS_PER_SECOND)
     pattern = PATTERNS[course.antenna]
     places = places_around(course.poses, pattern, start_ns=START_NS, end_ns=end_ns)

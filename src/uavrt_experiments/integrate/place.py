@@ -1,4 +1,4 @@
-"""I4: where a tag is, after a whole flight: regions that hold it, and how near."""
+"""I4: place of a tag after a whole flight: coverage of the regions, and errors."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -41,19 +41,19 @@ _SECOND_S = 1.1 * INTERVAL_S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placed:
-    """Where a found tag was said to be."""
+    """Place found for a tag."""
 
     held: bool
-    """Whether the region of 90 % holds it."""
+    """True if the region of 90 % holds it."""
     arc_held: bool
     off_deg: float
     bound_deg: float
     mirror: bool
-    """Whether the region of 95 % also holds the place mirrored at the line flown."""
+    """True if the region of 95 % also holds the place mirrored at the line flown."""
     off_m: float
-    """From the nearest of the reported places."""
+    """Distance from the nearest of the reported places."""
     bound_m: float
-    """Median of that by the bound."""
+    """Bound of its median."""
     fading_db: float
     """Of single pulses, as the flight reports it."""
 
@@ -66,12 +66,12 @@ def placed(
     second_s: float | None = None,
     fading_db: float = 0.0,
 ) -> Placed | None:
-    """Fly, search and place; None when it was not found.
+    """Fly, search and locate; None when it was not found.
 
     `enr_db`: of the strongest pulse.
-    `pattern_db`: by which the true pattern differs from the table.
-    `second_s`: interval at which the tag is in the second half of the flight.
-    `fading_db`: standard deviation of single pulses' levels from what the course makes of them.
+    `pattern_db`: difference of the true pattern from the table.
+    `second_s`: interval of the tag in the second half of the flight.
+    `fading_db`: standard deviation of single pulses' levels about the course's.
     """
     world = replace(narrow_world(course), second_s=second_s)
     pattern = PATTERNS[course.antenna]
@@ -142,8 +142,8 @@ def position_bound_m(world: World, truth: Truth, enr_db: float, mean: float) -> 
         change = step * np.eye(3)[number]
         slopes.append((gain_db(*(here + change)) - gain_db(*(here - change))) / (2.0 * step))
     slope = np.stack(slopes, axis=1)
-    levels, told = _information(round(mean, 1))
-    each = np.interp(enr_db + middle - middle.max(), levels, told)
+    levels, per_level = _information(round(mean, 1))
+    each = np.interp(enr_db + middle - middle.max(), levels, per_level)
     information = slope.T @ (each[:, np.newaxis] * slope)
     information[3, 3] += 0.7**-2
     covariance = np.linalg.inv(information)[1:3, 1:3]

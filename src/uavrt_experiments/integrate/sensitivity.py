@@ -1,7 +1,7 @@
-"""I2, I3: how weak a tag may be; drift, gaps and losses.
+"""I2, I3: least strength of a tag; drift, gaps and losses.
 
-The search of a flight of 400 pulses takes ten seconds. For a curve of detection only the cells
-about the true train matter: they are searched, and the chance is that of the whole search.
+The search of a flight of 400 pulses takes ten seconds. For a detection curve only the cells
+near the true train matter: only they are searched, and the chance is that of the whole search.
 """
 
 import math
@@ -39,12 +39,12 @@ from uavrt_experiments.integrate.flights import (
     turning,
 )
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import level_for, wilson_interval
+from uavrt_experiments.statistics import level_for, share_of
 
 WHOLE = {"slack_s": 0.060, "window_hz": 500.0}
-"""What is asked: ± 60 ms, ± 500 Hz."""
+"""Full search: ± 60 ms, ± 500 Hz."""
 NARROW = {"slack_s": 0.002, "window_hz": 60.0}
-"""What is folded."""
+"""Narrow search around the truth."""
 _BELOW_DB = (-2.0, -1.25, -0.5, 0.25)
 """Levels tried, from the bar."""
 _ABOVE_DB = (0.0, 1.5, 3.0, 4.5)
@@ -57,11 +57,11 @@ class Heard:
     enr_db: float
     found: bool
     known: bool | None = None
-    """Whether it is found by who knows its place and the fall with distance; None: not said."""
+    """True if it is found with known place and path loss; None: not computed."""
 
 
 def narrow_world(course: Course) -> World:
-    """Search about the truth only."""
+    """Search around the truth only."""
     return World(course=course, **NARROW)
 
 
@@ -94,10 +94,10 @@ def best_train(
 def best_known(
     world: World, energies: SlotEnergies, truth: Truth, enr_db: float
 ) -> FoldedTrain:
-    """The likeliest train with the weights of the true place, fall with distance and level.
+    """The most likely train with the weights of the true place, path loss and level.
 
     No other place is counted, and intervals only as far as they differ over the part of the
-    flight in which its pulses count: what any search may reach, and not one of unknown place.
+    flight in which its pulses count. This bounds any search for a tag of unknown place.
     """
     course = world.course
     gain = 10.0 ** (0.1 * course.gain_db(truth.east_m, truth.north_m))
@@ -123,11 +123,11 @@ def fly(
     """Fly past a tag whose strongest pulse has a level.
 
     `drift`, `searched_drift`: relative change of the interval over the flight: the tag's, and
-    the largest looked for.
+    the largest searched.
     `lost`: 5 % of the samples are lost, a tenth of a second at a time.
     `missing`: a fifth of the flight is, in stretches of 20 s.
     `second_s`: interval of the flight's second half.
-    `known`: also judge as who knows the place.
+    `known`: also judge with known place.
     """
     world = replace(narrow_world(course), second_s=second_s)
     samples = silence(rng, course)
@@ -176,8 +176,8 @@ def _curve(
         bar_db = most_db if barred else None
         made = [level_row("I3" if kinds else "I2", case, bar_db, found)]
         if known:
-            told = [(one.enr_db, bool(one.known)) for one in outcomes]
-            made.append(level_row("I2", f"{case}, by who knows the place", None, told))
+            verdicts = [(one.enr_db, bool(one.known)) for one in outcomes]
+            made.append(level_row("I2", f"{case}, by who knows the place", None, verdicts))
         return made
 
     return Case(
@@ -194,23 +194,21 @@ def level_row(
         for level, count in sorted(Counter(at for at, _ in flown).items())
     ]
     figure, low, high, _ = level_for(points, 0.5)
-    told = ", ".join(f"{hits}/{count} at {level:g} dB" for level, hits, count in points)
-    return Row(
-        experiment=experiment,
-        quantity="ENR of the strongest pulse for Pd .5, dB",
-        case=case,
-        figure=figure,
-        low=low,
-        high=high,
-        n=len(flown),
+    counts = ", ".join(f"{hits}/{count} at {level:g} dB" for level, hits, count in points)
+    return Row.with_interval(
+        experiment,
+        "ENR of the strongest pulse for Pd .5, dB",
+        case,
+        (figure, low, high),
+        len(flown),
         most=most_db,
-        note=told,
+        note=counts,
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Both:
-    """Verdicts of the narrow search and of one as wide as asked."""
+    """Verdicts of the narrow search and of the full one."""
 
     narrow: bool
     whole: bool
@@ -231,16 +229,13 @@ def _both(rng: np.random.Generator, _: int) -> Both:
 
 def _agreement(outcomes: Sequence[Both]) -> list[Row]:
     same = sum(one.narrow == one.whole for one in outcomes)
-    low, high = wilson_interval(same, len(outcomes))
     return [
-        Row(
-            experiment="I2",
-            quantity="same verdict of narrow and whole search",
-            case="turning on the spot, 60 pulses, 5 to 10 dB, ± 150 Hz",
-            figure=same / len(outcomes),
-            low=low,
-            high=high,
-            n=len(outcomes),
+        Row.with_interval(
+            "I2",
+            "same verdict of narrow and whole search",
+            "turning on the spot, 60 pulses, 5 to 10 dB, ± 150 Hz",
+            share_of(same, len(outcomes)),
+            len(outcomes),
             least=0.9,
             note=f"{sum(one.whole for one in outcomes)} found",
         )

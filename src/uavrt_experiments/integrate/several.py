@@ -1,4 +1,4 @@
-"""I6: several flights of one tag judged together: false alarms, how weak, and where."""
+"""I6: several flights of one tag judged together: false alarms, sensitivity, place."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -35,9 +35,9 @@ from uavrt_experiments.result import Row
 _Floats = NDArray[np.float64]
 _LEVELS_DB = (3.0, 4.0, 5.0, 6.0, 7.0)
 _UNLIKE_S = 4e-5
-"""Most by which an interval differs from its mean in a flight."""
+"""Largest difference of an interval from its mean in a flight."""
 _TOGETHER = 0.5
-"""Of the false alarms, for the decision on all flights together."""
+"""Share of the false-alarm probability for all flights together."""
 
 
 def worlds(flights: int, apart_m: float = 0.0, pulses: int = 100) -> tuple[World, ...]:
@@ -50,7 +50,7 @@ def worlds(flights: int, apart_m: float = 0.0, pulses: int = 100) -> tuple[World
 
 @lru_cache(maxsize=8)
 def _looked_at(each: tuple[World, ...]) -> tuple[list[Places], list[_Floats], NDArray[np.intp]]:
-    """Places of several flights, their gains, and those that stand for all."""
+    """Places of several flights, their gains, and those that represent all."""
     places = []
     for one in each:
         course = one.course
@@ -113,11 +113,11 @@ class Flown:
 
     enr_db: float
     alone: bool
-    """Whether any flight shows it, at an equal part of 1 %."""
+    """True if any flight finds it, at an equal part of 1 %."""
     found: bool
-    """Whether it is found when half of the 1 % is for all flights together."""
+    """True if it is found when half of the 1 % is for all flights together."""
     held: bool | None
-    """Whether the region of 90 % holds it; None when all together do not show it."""
+    """True if the region of 90 % holds it; None when all together do not find it."""
     off_m: float | None
 
 

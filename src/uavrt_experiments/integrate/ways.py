@@ -1,4 +1,4 @@
-"""I7: judged from samples or from energies kept on the way; and tags that anybody hears."""
+"""I7: judging from samples or from energies kept in flight; and strong tags."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from uavrt_experiments.integrate.flights import (
     turning,
 )
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import wilson_interval
+from uavrt_experiments.statistics import share_of
 
 _PIECE_S = 7.0
 _WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
@@ -28,7 +28,7 @@ _WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Two:
-    """Verdicts of two ways on one flight."""
+    """Verdicts of two methods on one flight."""
 
     first: bool
     second: bool
@@ -59,7 +59,7 @@ def samples_and_energies(rng: np.random.Generator) -> Two:
 
 
 def ordinary_and_whole(rng: np.random.Generator) -> Two:
-    """Look for a strong tag by groups of three, as in flight, and over the whole flight."""
+    """Search a strong tag by groups of three, as in flight, and over the whole flight."""
     samples = _heard(rng, rng.uniform(13.0, 30.0))
     tag = _WORLD.tag
     detector = PulseDetector(tag, sample_rate_hz=RATE_HZ, center_frequency_hz=tag.frequency_hz)
@@ -76,31 +76,22 @@ def _found(energies: SlotEnergies) -> bool:
 
 def _same(outcomes: Sequence[Two]) -> list[Row]:
     same = [one.first == one.second for one in outcomes]
-    told = f"{sum(one.first for one in outcomes)} found from samples"
+    text = f"{sum(one.first for one in outcomes)} found from samples"
     case = "turning on the spot, 100 pulses, 2 to 8 dB"
-    return [_share("same verdict from samples and from energies kept", case, same, 0.9, told)]
+    return [_share("same verdict from samples and from energies kept", case, same, 0.9, text)]
 
 
 def _no_loss(outcomes: Sequence[Two]) -> list[Row]:
     both = [one.second for one in outcomes if one.first]
-    told = f"{len(both)} of {len(outcomes)} found by groups of three"
+    text = f"{len(both)} of {len(outcomes)} found by groups of three"
     case = "turning on the spot, 100 pulses, 13 to 30 dB"
     what = "of those found by groups of three, found in the whole flight"
-    return [_share(what, case, both, 0.98, told)]
+    return [_share(what, case, both, 0.98, text)]
 
 
 def _share(what: str, case: str, good: Sequence[bool], least: float, note: str) -> Row:
-    low, high = wilson_interval(sum(good), len(good))
-    return Row(
-        experiment="I7",
-        quantity=what,
-        case=case,
-        figure=sum(good) / max(len(good), 1),
-        low=low,
-        high=high,
-        n=len(good),
-        least=least,
-        note=note,
+    return Row.with_interval(
+        "I7", what, case, share_of(sum(good), len(good)), len(good), least=least, note=note
     )
 
 

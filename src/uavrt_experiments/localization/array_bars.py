@@ -26,7 +26,7 @@ _RATE_HZ = 48_000.0
 _WAVELENGTH_M = 2.0
 _WIDTH_S = 0.020
 _EDGE_S = 0.002
-"""Left out at each end of a pulse, as `uavrt.analysis.measure.switched` does."""
+"""Time left out at each end of a pulse, as in `uavrt.analysis.measure.switched`."""
 _HEADINGS_DEG: dict[str, tuple[float, ...]] = {
     "pseudo_doppler": (0.0,),
     # A pair separates right from left; a quarter turn, ahead from behind.

@@ -1,4 +1,4 @@
-"""Experiments B1–B6: what a bearing is worth."""
+"""Experiments B1–B6: accuracy of bearings."""
 
 from collections.abc import Callable
 from functools import partial
@@ -94,7 +94,7 @@ def wrong_pattern(runs: int, seed: int) -> list[Row]:
 
 
 def _error_after_learning(rng: Generator, case: RotationCase) -> float:
-    """Error of a sixth turn whose pattern five turns before have shown."""
+    """Error of a sixth turn whose pattern was learnt from five turns."""
     nominal = PATTERNS[case.antenna]
     true = disturbed(rng, nominal, 1.5)
     turns = []
@@ -146,7 +146,7 @@ def nothing_there(runs: int, seed: int) -> list[Row]:
 
 
 def _reflection_noticed(rng: Generator, relative_db: float) -> bool:
-    """Whether a turn next to a wall is within 10°, or says that it may not be."""
+    """True if the bearing of a turn next to a wall is within 10°, or marked as doubtful."""
     pattern, yaw = PATTERNS["RA-23K"], np.arange(0.0, 360.0, 6.0)
     truth, phase = rng.uniform(0.0, 360.0), rng.uniform(0.0, 2.0 * np.pi)
     direct = 10.0 ** ((20.0 + pattern.gain_db(truth - yaw)) / 20.0)
@@ -158,7 +158,7 @@ def _reflection_noticed(rng: Generator, relative_db: float) -> bool:
 
 
 def _trials(runs: int, seed: int, run: Callable[[Generator], Trial]) -> list[Trial]:
-    """The same seed for every condition and method: differences are not luck."""
+    """Trials with the same seeds for every condition and method."""
     rng = np.random.default_rng(seed)
     return [run(rng) for _ in range(runs)]
 

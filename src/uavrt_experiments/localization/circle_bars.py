@@ -1,7 +1,7 @@
-"""Experiment L7: circles of 50 and 95 %, where errors are as frequent as the priors say.
+"""Experiment L7: circles of 50 and 95 %, with errors drawn from the priors.
 
-A circle that allows for headings which may be 1.5° off is too wide for a flight whose headings
-are true, by what it allows; over flights whose headings err so, it holds what it says.
+A circle that allows for heading errors of 1.5° is too wide for a flight with exact headings;
+over flights with such errors, it holds the stated probability.
 """
 
 from dataclasses import dataclass, replace
@@ -38,15 +38,15 @@ _FADING_DB = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bearings:
-    """Stations, and what is wrong with their bearings."""
+    """Stations, and the errors of their bearings."""
 
     name: str
     stations: int = 6
     one_side: bool = False
     headings: bool = True
-    """Headings err together, as the prior says."""
+    """True: headings have a common error, drawn from the prior."""
     unusual: bool = False
-    """So do wrong compasses, walks and gross bearings."""
+    """True: wrong compasses, walks and gross bearings are drawn too."""
     known: bool = False
     """The estimator assumes that headings are true."""
     judged: bool = True
@@ -54,11 +54,11 @@ class Bearings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strengths:
-    """A survey by strength, and what is wrong with it."""
+    """A survey by strength, and its errors."""
 
     name: str
     heights: bool = False
-    """The given height errs, as the prior says."""
+    """True: the given height has an error, drawn from the prior."""
     known: bool = True
     """The estimator assumes that heights are true."""
     too_weak: float = 0.0
@@ -93,7 +93,7 @@ STRENGTHS = (
 
 
 def circles(runs: int, seed: int) -> list[Row]:
-    """L7: what the circles hold; without bars where the estimator allows for absent errors."""
+    """L7: coverage of the circles; no bars where the estimator allows for absent errors."""
     results = []
     for bearings in BEARINGS:
         rng = np.random.default_rng(seed)
@@ -116,7 +116,7 @@ def _rows(name: str, within: list[tuple[bool, bool]], judged: bool) -> list[Row]
 
 
 def by_bearings(rng: Generator, case: Bearings) -> tuple[bool, bool]:
-    """Whether the circles of 50 and of 95 % hold a tag that turns are flown around."""
+    """True if the circles of 50 and of 95 % hold a tag with stations around it."""
     east, north = _stations(rng, case)
     hops_s = np.hypot(np.diff(east), np.diff(north)) / 8.0
     time_s = np.concatenate([[0.0], np.cumsum(hops_s + 60.0)])
@@ -155,7 +155,7 @@ def _stations(rng: Generator, case: Bearings) -> tuple[_Floats, _Floats]:
 
 
 def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
-    """Whether the circles of 50 and of 95 % hold a tag that lines are flown over."""
+    """True if the circles of 50 and of 95 % hold a tag below survey lines."""
     tag = rng.uniform(0.0, _SIDE_M, 2)
     track = survey(rng, _SIDE_M, 50.0, _FADING_DB, 0.0, (float(tag[0]), float(tag[1])))
     if case.heights:
@@ -178,7 +178,7 @@ def height_error_m(rng: Generator) -> float:
 
 
 def strengths_heard(rng: Generator, track: PowerTrack, case: Strengths) -> PowerTrack:
-    """Draw which strengths of a track are heard: too weak ones and lost ones are NaN."""
+    """Which strengths of a track are heard: too weak ones and lost ones are NaN."""
     threshold_db = float(np.quantile(track.snr_db, case.too_weak)) if case.too_weak else 10.0
     missed = track.snr_db < threshold_db if case.too_weak else np.zeros(len(track.snr_db), bool)
     missed |= rng.random(len(missed)) < case.lost

@@ -1,4 +1,4 @@
-"""Experiment L6: errors that all bearings of a flight share, and whether a position knows."""
+"""Experiment L6: errors that all bearings of a flight share, and their detection."""
 
 from dataclasses import dataclass, replace
 
@@ -27,24 +27,24 @@ _PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 _TURN_S = 60.0
 _FLIGHT_SPEED_M_S = 8.0
 _OWN_HEADING_DEG = 1.0
-"""Of each turn alone, as given to `estimate_bearing`."""
+"""Error of each turn alone, as given to `estimate_bearing`."""
 _OUTLIER_SHARE = 0.05
-"""Gross bearings, as `estimate_position` expects them."""
+"""Share of gross bearings, as `estimate_position` expects them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Errors:
-    """What is wrong in a flight."""
+    """Errors of a flight."""
 
     compass_deg: float | None = None
     """None draws it from the prior."""
     drawn: bool = False
-    """Wrong compasses, walks and gross bearings are as frequent as the priors say."""
+    """True: wrong compasses, walks and gross bearings are as frequent as in the priors."""
     walk_m_s: float = 0.0
     fading_correlation: float = 0.0
-    """Between neighbouring pulses."""
+    """Correlation between neighbouring pulses."""
     foreign_share: float = 0.0
-    """Pulses of someone else, of any strength."""
+    """Share of another sender's pulses, of any strength."""
     stations: int = 6
     one_side: bool = False
 
@@ -71,7 +71,7 @@ class Flight:
 
     position: Position
     tag: tuple[float, float]
-    """Where the tag was at the last bearing."""
+    """Place of the tag at the last bearing."""
 
     @property
     def miss_m(self) -> float:
@@ -86,12 +86,12 @@ class Flight:
 
     @property
     def warned(self) -> bool:
-        """Whether a caution names something wrong."""
+        """True if a caution names an error."""
         return any(one.name != "unchecked" for one in self.position.cautions)
 
     @property
     def unchecked(self) -> bool:
-        """Whether it says that a common error cannot be checked."""
+        """True if a caution says that a common error cannot be checked."""
         return any(one.name == "unchecked" for one in self.position.cautions)
 
 
@@ -184,7 +184,7 @@ def common_errors(runs: int, seed: int) -> list[Row]:
 
 
 def _held_or_warned(name: str, flights: list[Flight]) -> Row:
-    """How many of the missed are warned of: nine tenths, where fewer than .88 hold."""
+    """Share of warnings among the missed: nine tenths, where fewer than .88 hold."""
     failed = [one for one in flights if not one.held]
     enough = len(failed) <= 0.12 * len(flights)
     warned = [float(one.warned) for one in failed] or [1.0]

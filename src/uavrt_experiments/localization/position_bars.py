@@ -1,4 +1,4 @@
-"""Experiments L2–L5: what a position is worth."""
+"""Experiments L2–L5: accuracy of positions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,9 +49,9 @@ SQUARE = Layout(
 
 
 def crossings(runs: int, seed: int) -> list[Row]:
-    """L2 and L3: bearings that cross, clean and with one gross error; all methods compared.
+    """L2 and L3: crossing bearings, clean and with one gross error; all methods compared.
 
-    Headings are true here, and the estimator assumes so; for those that err see L6.
+    Headings are exact here, and the estimator assumes so; see L6 for heading errors.
     """
     results = []
     for sigma, clean, spoilt, worst in ((3.0, 22.0, 24.0, 60.0), (6.0, 43.0, 60.0, 150.0)):
@@ -152,7 +152,7 @@ def _inside(found: Position, tag: tuple[float, float], share_held: float) -> boo
 
 
 def surveys(runs: int, seed: int) -> list[Row]:
-    """L4: a monopole flown in lines at 40 m, which is known; nothing is of the tag."""
+    """L4: a monopole flown in lines at 40 m, which is known; the tag is unknown."""
     cases = (
         (300.0, 50.0, 3.0, 0.0, 5.0, 10.0, 5.1),
         (300.0, 50.0, 4.0, 0.7, 12.0, 30.0, 11.0),
@@ -195,9 +195,9 @@ def survey(
     height_m: float = 40.0,
     exponent: float = 2.5,
 ) -> PowerTrack:
-    """Fly lines over a square at 6 m/s, a pulse each 1.5 s, fading that lasts.
+    """Fly lines over a square at 6 m/s, a pulse each 1.5 s, with correlated fading.
 
-    The tag is at its place in the middle of the flight. Whatever the height, 40 m is given.
+    The tag is at its place in the middle of the flight. For any true height, 40 m is given.
     """
     corners = []
     for number, east_m in enumerate(np.arange(0.0, side_m + 1.0, spacing_m)):

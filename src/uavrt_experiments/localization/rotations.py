@@ -1,4 +1,4 @@
-"""Simulated rotations, and the least error that any estimator could have."""
+"""Simulated rotations, and the error bound of any estimator."""
 
 from dataclasses import dataclass
 
@@ -17,12 +17,12 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotationCase:
-    """How a tag is heard during a turn."""
+    """Signal of a tag during a turn."""
 
     antenna: str = "RA-23K"
     pulses: int = 60
     snr_db: float = 20.0
-    """On boresight."""
+    """SNR on boresight."""
     fading_db: float = 2.0
     threshold_db: float | None = None
     """Pulses below it are missed; None reads the power at every pulse's known time."""
@@ -39,7 +39,7 @@ class RotationCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """A bearing and how wrong it is."""
+    """A bearing and its error."""
 
     error_deg: float
     bearing: Bearing

@@ -1,4 +1,4 @@
-"""Experiment L7, surveys by strength whose common errors are drawn, or are far from usual."""
+"""Experiment L7: surveys by strength with drawn or extreme common errors."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ _SIDE_M, _SPACING_M = 300.0, 50.0
 _FADING_DB = 4.0
 _ANY_DB = 60.0
 _LASTING = (0.0, 0.3, 0.5, 0.7, 0.85, 0.93)
-"""Correlations of neighbouring pulses' fading, equally likely as the estimator has it."""
+"""Correlations of neighbouring pulses' fading, equally likely as in the estimator's prior."""
 _LEAST_EXPONENT, _MOST_EXPONENT = 1.6, 4.5
 _HELD = 0.88
 _WARNED = 0.9
@@ -28,13 +28,13 @@ _WARNED = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A survey for which 40 m are given."""
+    """A survey with a given height of 40 m."""
 
     name: str
     height_m: float | None = None
     """The truth; None draws it from the prior."""
     drawn: bool = False
-    """Exponent, lasting fading and foreign pulses are as the priors say."""
+    """True: exponent, correlated fading and foreign pulses are drawn from the priors."""
 
 
 CASES = (

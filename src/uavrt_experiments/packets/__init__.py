@@ -1,1 +1,1 @@
-"""The thesis's §5.3: is every pulse that the drone logs received on the ground?"""
+"""The thesis's §5.3: comparison of the drone's pulse log with the ground's."""

@@ -27,14 +27,14 @@ def fly(
     flight_dir: Path,
     say: Callable[[str], None] = lambda line: None,
 ) -> Match:
-    """Fly once and compare what the drone logged with what the ground received.
+    """Fly once and compare the drone's log with the ground's.
 
     `duration_s`: length of the flight.
     `gap_s`: time between two tunnel messages, at least 0.012.
     `loss`: share of the frames that the radio link loses, each way.
     `seed`: of everything random.
-    `flight_dir`: where the flight's directory is made.
-    `say`: gets a line now and then.
+    `flight_dir`: parent of the flight's directory.
+    `say`: receives a line of progress now and then.
     Raises `UavrtError`: a program ended by itself.
     """
     with (

@@ -1,8 +1,8 @@
-"""Drone, autopilot, radios and ground station in virtual time: what arrives, and when.
+"""Drone, autopilot, radios and ground station in virtual time: arrivals and delays.
 
-The real sender (`uavrt.tunnel.reliable`, `uavrt.mavlink.pacing`) against the model of PX4's
+The real sender (`uavrt.tunnel.reliable`, `uavrt.mavlink.pacing`) with a model of PX4's
 forwarding and of the radios. This is `uavrt experiment packets` without its half an hour, and
-holds the bars of delivery in the tests.
+has the bars of delivery in the tests.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,41 +38,41 @@ class Acknowledger(Protocol):
     """The ground's half, as `uavrt.ground.link.delivery_receipts.Receipts`."""
 
     def seen(self, payload: bytes) -> bool:
-        """Return whether a pulse is known."""
+        """True if a pulse is known."""
 
     def stored(self, payload: bytes) -> None:
-        """A pulse is safe."""
+        """Record that a pulse is stored."""
 
     def take(self, now_ns: int) -> Receipt | None:
-        """Return the receipt that is due."""
+        """Receipt that is due."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialSettings:
-    """One run."""
+    """Settings of one run."""
 
     radio: RadioLinkSettings = field(default_factory=RadioLinkSettings)
     radio_status: bool = True
-    """Whether the autopilot passes RADIO_STATUS on, as PX4 does and ArduPilot does not."""
+    """True if the autopilot forwards RADIO_STATUS, as PX4 does and ArduPilot does not."""
     telemetry_bytes_s: float = 1000.0
-    """The autopilot's own messages to the ground."""
+    """Load of the autopilot's own messages to the ground."""
     forwarding: bool = True
-    """PX4's ring of 583 bytes, one message a pass; else the autopilot passes all on."""
+    """True: PX4's ring of 583 bytes, one message a pass; else the autopilot forwards all."""
     gap_s: float = 0.020
     drain_s: float = 600.0
-    """How long after the last pulse the run may take."""
+    """Longest run after the last pulse."""
     ground_restart_s: float | None = None
-    """When the ground station is started again with an empty store."""
+    """Time at which the ground station restarts with an empty store."""
 
 
 @dataclass(slots=True)
 class TrialResult:
-    """What happened."""
+    """Result of a run."""
 
     sent: int
     received: int
     missing: tuple[int, ...]
-    """Indexes of the pulses that never arrived, or not in the last store."""
+    """Indexes of the pulses that never arrived, or are not in the last store."""
     latencies_s: list[float]
     """First arrival after the pulse's time, of those received."""
     sends: int
@@ -93,7 +93,7 @@ class TrialResult:
 class LinkTrial:
     """One run: pulses at given times from the drone to the ground.
 
-    `times_s`: when each pulse is there to be sent.
+    `times_s`: when each pulse is ready to send.
     `settings`: link and autopilot.
     `acknowledger`: makes the ground's half; None for a ground station that does not
     acknowledge.
@@ -132,7 +132,7 @@ class LinkTrial:
         self._most = 0
 
     def run(self) -> TrialResult:
-        """Let it happen."""
+        """Run to the end."""
         settings = self._settings
         last_ns = max(self._times_ns, default=self._start_ns)
         end_ns = last_ns + ns_from_s(settings.drain_s)
@@ -185,7 +185,7 @@ class LinkTrial:
         self._pump()
 
     def _pump(self) -> None:
-        """Send what may go; come back when more may."""
+        """Send as allowed; schedule the next call."""
         now_ns = self.time.now_ns
         self._refill()
         present = self._station_ns is not None and now_ns - self._station_ns < SILENCE_NS
@@ -201,7 +201,7 @@ class LinkTrial:
             self.time.at(self._wake_ns, self._pump)
 
     def _refill(self) -> None:
-        """What `uavrt.recording.spool` does with the flight's database."""
+        """Refill the queue as `uavrt.recording.spool` does from the flight's database."""
         store = self.sender.wanted()
         if store is None:
             return
@@ -280,14 +280,16 @@ class LinkTrial:
         self.link.send_down(self._autopilot.encode(_heartbeat(dialect.MavType.QUADROTOR)))
 
     def _restart_ground(self) -> None:
-        """A ground station with an empty store; only what it gets counts as received."""
+        """Replace the ground station by one with an empty store; only its pulses count as
+        received.
+        """
         if self._make_ground is not None:
             self._ground = self._make_ground(2)
             self._stored.clear()
 
 
 def _payload(index: int) -> bytes:
-    """A pulse's 120 bytes, all different; its content does not matter here."""
+    """A pulse's 120 bytes, all different, with arbitrary content."""
     return (7).to_bytes(4, "little") + index.to_bytes(4, "little") + bytes(range(1, 113))
 
 

@@ -31,7 +31,7 @@ ROUNDED_NS = 10_000_000
 
 @dataclass(frozen=True, slots=True, order=True)
 class Seen:
-    """A pulse in a log, as far as both logs can say."""
+    """A pulse with the fields that both logs have."""
 
     tag_id: int
     time_ns: int
@@ -39,18 +39,18 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Match:
-    """What became of the pulses of the onboard log."""
+    """Comparison of the pulses of two logs."""
 
     sent: int
     received: int
     missing: tuple[Seen, ...]
     repeated: int
-    """Received twice."""
+    """Number received twice."""
     unknown: int
-    """Received and not in the onboard log."""
+    """Number received that is not in the onboard log."""
 
     def result(self, flight: str) -> Row:
-        """What did not arrive, compared with the thesis's flights with 10 and 20 ms."""
+        """Missing pulses, compared with the thesis's flights with 10 and 20 ms."""
         return Row.counted(
             "packets",
             "pulses missing on the ground",
@@ -64,7 +64,7 @@ class Match:
 
 
 def read_log(path: Path) -> tuple[list[Seen], int]:
-    """Read any of the logs; return its pulses and how far off their times may be [ns].
+    """Read any of the logs; returns its pulses and the resolution of its times [ns].
 
     Raises `FormatError`: it is none of them.
     """

@@ -1,4 +1,4 @@
-"""The thesis's half an hour on the way that it did not have: a lossy radio, in virtual time."""
+"""The thesis's half an hour over a lossy radio, in virtual time."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ from uavrt_experiments.packets.radio_link import RadioLinkSettings
 from uavrt_experiments.result import Row
 
 PULSES = 1486
-"""Thesis §5.3."""
+"""Number of pulses in the thesis's §5.3."""
 GROUP_S = 3 * 1.254
 LOSSES = (0.0, 0.05, 0.2, 0.4)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelRow:
-    """One run."""
+    """Result of one run."""
 
     gap_s: float
     loss: float
     acknowledged: bool
-    """Whether the ground station acknowledges."""
+    """True if the ground station acknowledges."""
     sent: int
     received: int
     sends: int
@@ -31,7 +31,7 @@ class ModelRow:
 
     @property
     def result(self) -> Row:
-        """What did not arrive; where the ground acknowledges, nothing may be missing."""
+        """Missing pulses; none are allowed where the ground acknowledges."""
         ground = "ground acknowledges" if self.acknowledged else "plain ground"
         return Row.counted(
             "packets",

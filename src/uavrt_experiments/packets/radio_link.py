@@ -43,12 +43,12 @@ class VirtualTime:
         self._numbers = itertools.count()
 
     def at(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Do something at a time, or now if that has passed."""
+        """Call a function at a time, or now if that has passed."""
         due_ns = max(time_ns, self.now_ns)
         heapq.heappush(self._events, (due_ns, next(self._numbers), action))
 
     def every(self, period_ns: int, action: Callable[[], None], *, end_ns: int) -> None:
-        """Do something again and again until `end_ns`."""
+        """Call a function periodically until `end_ns`."""
 
         def again() -> None:
             action()
@@ -58,7 +58,7 @@ class VirtualTime:
         self.at(self.now_ns + period_ns, again)
 
     def run_until(self, time_ns: int, stop: Callable[[], bool] = lambda: False) -> None:
-        """Let everything happen up to a time, or until `stop` says so after an event."""
+        """Run all events up to a time, or until `stop` is true after one."""
         while self._events and self._events[0][0] <= time_ns:
             self.now_ns, _, action = heapq.heappop(self._events)
             action()
@@ -69,7 +69,7 @@ class VirtualTime:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioLinkSettings:
-    """How good the radio link is."""
+    """Quality of the radio link."""
 
     loss: float = 0.0
     """Probability that a packet in the air is lost, either way."""
@@ -81,7 +81,7 @@ class RadioLinkSettings:
 
 @dataclass(slots=True)
 class RadioCounters:
-    """What became of the frames handed to one radio."""
+    """Fate of the frames given to one radio."""
 
     given: int = 0
     carried: int = 0
@@ -105,7 +105,7 @@ class RadioLink:
 
     `time`: the clock.
     `settings`: loss and outage.
-    `to_ground`, `to_air`: get each frame that has come through.
+    `to_ground`, `to_air`: receive each frame that arrives.
     """
 
     def __init__(
@@ -126,11 +126,11 @@ class RadioLink:
         self._turning = False
 
     def send_down(self, frame: bytes) -> None:
-        """The autopilot writes a frame to its radio."""
+        """Send a frame from the autopilot to its radio."""
         self._from_serial(self.air, frame)
 
     def send_up(self, frame: bytes) -> None:
-        """The laptop writes a frame to its radio."""
+        """Send a frame from the laptop to its radio."""
         self._from_serial(self.ground, frame)
 
     @property
@@ -148,7 +148,7 @@ class RadioLink:
         return begin <= elapsed_s < end
 
     def _from_serial(self, radio: _Radio, frame: bytes) -> None:
-        """Let the serial port take its time, then put the frame into the buffer."""
+        """Move a frame from the serial port to the buffer after its transmission time."""
         radio.counters.given += 1
         duration_ns = ns_from_s(len(frame) / SERIAL_BYTES_S)
         radio.serial_free_ns = max(radio.serial_free_ns, self._time.now_ns) + duration_ns
@@ -165,7 +165,7 @@ class RadioLink:
             self._time.at(self._time.now_ns + YIELD_NS, self._take_turn)
 
     def _take_turn(self) -> None:
-        """Send what fits into this turn, then let the other radio have its own."""
+        """Send frames for this turn, then start the other radio's turn."""
         radio = self._turn
         self._turn = self.ground if radio is self.air else self.air
         sent = 0

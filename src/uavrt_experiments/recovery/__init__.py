@@ -1,1 +1,1 @@
-"""Kill every process of a flight, again and again: how fast is it back, and is a pulse lost?"""
+"""Kill every process of a flight repeatedly: recovery time, and lost pulses."""

@@ -1,4 +1,4 @@
-"""A drone side under a stand-in for systemd, its world and ground station, and what it says."""
+"""A drone side under a stand-in for systemd, its world and ground station, and its records."""
 
 import os
 import signal
@@ -37,15 +37,15 @@ START_LEAD_S = 1.0
 READY_S = 30.0
 POLL_S = 0.02
 NURSERY = "nursery"
-"""The helper from which processes are forked; it has no row and says no health."""
+"""The helper from which processes are forked; it has no row and no health records."""
 NURSERY_PID = "nursery_pid"
 
 
 class ServedDrone:
-    """Starts everything; follows the supervisor's records over its lives.
+    """Starts everything; follows the supervisor's records across restarts.
 
     `scenario`: the world.
-    `flights`: where flight directories are made.
+    `flights`: parent of the flight directories.
     `workers`: detector processes.
     """
 
@@ -55,19 +55,18 @@ class ServedDrone:
         self._workers = workers
         self.scenario = scenario
         self.health: dict[str, Health] = {}
-        """The last of each process."""
         self.status: SystemStatus | None = None
         self.detected: set[Pulse] = set()
-        """Pulses that a detector has reported to the supervisor."""
+        """Pulses reported to the supervisor by a detector."""
         self.unpromised: set[Pulse] = set()
-        """Those that were not yet said to be on disk when everything was killed at once."""
+        """Pulses not yet confirmed to be on disk when everything was killed at once."""
         self._power_cut = False
         self._of_this_life: set[Pulse] = set()
-        """Those since the present supervisor was first heard."""
+        """Pulses since the present supervisor was first received."""
         self.recorded: set[Pulse] = set()
-        """Pulses that the recorder has said to be on disk."""
+        """Pulses confirmed to be on disk by the recorder."""
         self._on_their_way: dict[PulseKey, Pulse] = {}
-        """The newest pulse of each name: the recorder says no more than names."""
+        """Newest pulse of each name, since the recorder confirms by name."""
         self.texts: list[str] = []
         self._reader: StatusReader | None = None
 
@@ -116,7 +115,7 @@ class ServedDrone:
     # --------------------------------------------------------------- listening
 
     def listen(self, wait_s: float = POLL_S) -> None:
-        """Read what the supervisor says; connect again when it has been restarted."""
+        """Read the supervisor's records; reconnect when it has been restarted."""
         self.manager.check()
         if self._reader is None and not self._connect():
             time.sleep(wait_s)
@@ -164,9 +163,9 @@ class ServedDrone:
                 self.texts.append(record.text)
 
     def wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
-        """Listen until a condition holds; get the time that took [s].
+        """Listen until a condition holds; returns the time taken [s].
 
-        Raises `UavrtError`: it did not come true in time.
+        Raises `UavrtError`: it did not become true in time.
         """
         started_s = monotonic_s()
         while not condition():
@@ -186,12 +185,12 @@ class ServedDrone:
 
     @property
     def flight_directory(self) -> Path | None:
-        """The flight in progress, as last heard."""
+        """Directory of the flight in progress, as last reported."""
         named = self.status.flight_directory if self.status else None
         return Path(named) if named else None
 
     def pid_of(self, process: str) -> int | None:
-        """Get the process id as last heard."""
+        """Process id, as last reported."""
         for item in self.status.processes if self.status else ():
             if item.process == process:
                 return item.pid
@@ -200,7 +199,7 @@ class ServedDrone:
         return None
 
     def processes(self) -> list[str]:
-        """Get the names of the supervised processes, the helper among them."""
+        """Names of the supervised processes, and the helper."""
         return [p.process for p in self.status.processes] + [NURSERY] if self.status else []
 
     def signal(self, process: str, number: signal.Signals) -> None:

@@ -1,4 +1,4 @@
-"""What the experiment found."""
+"""Results of the experiment."""
 
 import statistics
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from uavrt_experiments.result import Row
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kill:
-    """One process ended or stopped, and how long the system took to be whole again."""
+    """One process ended or stopped, and the recovery time of the system."""
 
     process: str
     """``"power"`` for everything at once."""
@@ -22,17 +22,17 @@ class Kill:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecoveryReport:
-    """The whole experiment."""
+    """Results of the whole experiment."""
 
     seed: int
     kills: tuple[Kill, ...]
     pulses_recorded: int
-    """Pulses that were said to be on disk, all before one kill or another."""
+    """Pulses confirmed to be on disk, all before one kill or another."""
     pulses_detected: int
-    """Pulses that a detector reported to the supervisor."""
+    """Pulses reported to the supervisor by a detector."""
     pulses_promised: int
-    """Those and the recorded ones, less what was not yet said to be on disk when everything was
-    killed at once: what may not be lost."""
+    """Those and the recorded ones, less those not yet confirmed on disk when everything was
+    killed at once: none of them may be lost."""
     without_pose: int
     """Pulses recorded without a pose."""
     lost_from_database: int
@@ -40,15 +40,15 @@ class RecoveryReport:
     lost_from_log: int
     lost_on_ground: int
     orphans: int
-    """Processes that outlived a supervisor that was killed by more than a second."""
+    """Processes that outlived a killed supervisor by more than a second."""
     flights: int
-    """Flight directories: one, however often it was cut off."""
+    """Number of flight directories: one for any number of interruptions."""
     faults: tuple[str, ...] = field(default=())
-    """What did not come back, in words."""
+    """Sentences on what did not recover."""
 
     @property
     def ok(self) -> bool:
-        """Everything came back in time and nothing was lost."""
+        """True if everything recovered in time and nothing was lost."""
         return not self.faults and all(row.met for row in self.rows())
 
     def rows(self) -> list[Row]:
@@ -87,7 +87,7 @@ class RecoveryReport:
         return [*found, Row.counted(*orphans, most=0, note=note)]
 
     def groups(self) -> dict[tuple[str, str], list[Kill]]:
-        """Kills of the same kind together, detectors as one."""
+        """Kills grouped by kind, detectors as one."""
         groups: dict[tuple[str, str], list[Kill]] = {}
         for kill in self.kills:
             name = kill.process.partition("-")[0]

@@ -42,43 +42,42 @@ from uavrt_experiments.recovery.report import Kill, RecoveryReport
 
 SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0
-"""On top of the row's silence limit, after SIGSTOP."""
+"""Time in addition to the row's silence limit, after SIGSTOP."""
 SUPERVISOR_LIMIT_S = 10.0
 BURST, BURST_LIMIT_S = 6, SOON.delays_s[-1] + SIGKILL_LIMIT_S
 """Kills of one process in a burst; after the last the restart policy waits its longest."""
 BURST_NAMES = ("connection", "recorder")
 TO_GROUND_S = 40.0
-"""Longest wait for the ground station to have everything, at the end."""
+"""Longest wait at the end for the ground station to receive everything."""
 SAME_PULSE_NS = 2_000
 """The wire has a pulse's start in a double: to a microsecond."""
 GIVE_UP_S = 40.0
 LAST_HOPE_S = 120.0
-"""What has not resumed for so long never will."""
+"""Time after which a process counts as lost."""
 ORPHAN_LIMIT_S = 1.0
 LONGEST_CUT_WAIT_S = 2.5
 HEIGHT_M = 40.0
 TURN_DEG_S = 12.0
 SECONDS_EACH = 12.0
-"""A kill with everything around it; for the length of the simulated flight."""
+"""Time for each kill; determines the length of the simulated flight."""
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """How often what is killed."""
+    """Numbers of kills of each kind."""
 
     kills: int = 50
-    """Of single processes: each by SIGKILL and by SIGSTOP, then at random."""
+    """Kills of single processes: each by SIGKILL and by SIGSTOP, then at random."""
     stops: int = 3
     """Times that the connection is stopped (SIGSTOP) until it is replaced."""
     bursts: int = 3
-    """Times that one process is killed six times, each time as soon as it runs again."""
+    """Bursts of six kills of one process, each as soon as it runs again."""
     supervisor_kills: int = 5
     power_cuts: int = 100
     seed: int = 1
     sample_rate_hz: float = 3_000_000.0
-    """Of the radio."""
 
 
 class Recovery:
@@ -99,7 +98,7 @@ class Recovery:
         self.directories: set[Path] = set()
 
     def run(self) -> None:
-        """Kill everything that the plan wants."""
+        """Execute the plan."""
         self._wait_whole(READY_S)
         self._drone.wait(lambda: len(self._drone.recorded) >= 3, READY_S, "the first pulses")
         names = [name for name in self._drone.processes() if name != "supervisor"]
@@ -130,7 +129,7 @@ class Recovery:
             self._go_on_after(self._cut_power)
 
     def _go_on_after(self, kill: Callable[[], None]) -> None:
-        """Kill; what did not resume in time is a fault, and no reason to end."""
+        """Kill; a process that did not resume in time is a fault, and the run continues."""
         try:
             kill()
         except UavrtError as error:
@@ -141,7 +140,7 @@ class Recovery:
     # ---------------------------------------------------------------- one kill
 
     def _kill_one(self, name: str, number: signal.Signals) -> None:
-        """Kill a process that has settled: a second kill meets the restart policy's wait."""
+        """Kill a process that has settled, to avoid the restart policy's wait."""
         settled_s = self._resumed_at_s.get(name, -SOON.settled_s) + SOON.settled_s + 0.5
         self._drone.wait(lambda: monotonic_s() >= settled_s, GIVE_UP_S, "a quiet moment")
         limit_s = SIGKILL_LIMIT_S
@@ -156,7 +155,7 @@ class Recovery:
         self._resumed_at_s[name] = monotonic_s()
 
     def _kill_again_and_again(self, name: str) -> None:
-        """Kill a process as often and as soon as it runs; the last time it may come back."""
+        """Kill a process as soon as it runs, repeatedly; the last time it may recover."""
         for number in range(BURST):
             before = self._drone.pid_of(name)
             self._drone.signal(name, signal.SIGKILL)
@@ -179,7 +178,7 @@ class Recovery:
         )
 
     def _kill_nursery(self, number: signal.Signals, limit_s: float) -> None:
-        """Kill the helper; no other process may notice."""
+        """Kill the helper; no other process may be affected."""
         others = {name: self._drone.pid_of(name) for name in self._detectors}
         old = self._drone.pid_of(NURSERY)
         self._drone.signal(NURSERY, number)
@@ -256,7 +255,7 @@ class Recovery:
         )
 
     def _wait_whole(self, timeout_s: float) -> None:
-        """Wait until everything works; remember where the flight is kept."""
+        """Wait until everything works; store the flight's directory."""
         now_ns = self._clock.now_ns()
         self._drone.wait(lambda: self._all_back(now_ns), timeout_s, "a whole system")
         directory = self._drone.flight_directory
@@ -273,11 +272,11 @@ def run_recovery(
 ) -> RecoveryReport:
     """Run the experiment in simulated real time.
 
-    `plan`: how often what is killed.
-    `flights`: where the flight directory is made.
+    `plan`: numbers of kills.
+    `flights`: parent of the flight directory.
     `say`: takes a line of progress.
     `workers`: detector processes.
-    Raises `UavrtError`: the system did not even start.
+    Raises `UavrtError`: the system did not start.
     """
     count = plan.kills + plan.supervisor_kills + plan.power_cuts
     count += plan.stops + 2 * plan.bursts
@@ -313,7 +312,7 @@ def run_recovery(
 
 
 def turning_scenario(duration_s: float, seed: int, sample_rate_hz: float) -> Scenario:
-    """Make the demo's animals, and a drone that turns above them from the first second."""
+    """The demo's animals, and a drone that turns above them from the first second."""
     scenario = demo_scenario(60.0, seed)
     turn = Leg(duration_s=duration_s, turn_deg=TURN_DEG_S * duration_s)
     return replace(
@@ -325,7 +324,7 @@ def turning_scenario(duration_s: float, seed: int, sample_rate_hz: float) -> Sce
 
 
 def _wait_for_ground(drone: ServedDrone) -> set[tuple[int, int]]:
-    """Let the last pulses reach the ground; get what it has."""
+    """Wait until the last pulses reach the ground; returns its pulses."""
     drone.health.clear()
     promised = _keys(drone.detected - drone.unpromised)
     deadline_s = monotonic_s() + TO_GROUND_S
@@ -338,7 +337,7 @@ def _wait_for_ground(drone: ServedDrone) -> set[tuple[int, int]]:
 def _not_among(
     wanted: set[tuple[int, int]], received: set[tuple[int, int]]
 ) -> set[tuple[int, int]]:
-    """Get the pulses, by tag and start, that were not received."""
+    """Pulses, by tag and start, that were not received."""
     starts: dict[int, list[int]] = {}
     for tag_id, start_ns in sorted(received):
         starts.setdefault(tag_id, []).append(start_ns)

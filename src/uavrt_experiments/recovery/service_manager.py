@@ -27,10 +27,10 @@ STOP_TIMEOUT_S = 15.0
 
 
 class ServiceManager:
-    """Runs a command until it ends well or is to stop.
+    """Runs a command until it exits with 0 or is stopped.
 
     `command`: program and arguments.
-    `socket_path`: where the notification socket is made.
+    `socket_path`: path of the notification socket.
     `watchdog_s`: longest silence of the service once it is ready [s].
     `restart_s`: wait before a restart [s].
     """
@@ -50,7 +50,7 @@ class ServiceManager:
         self._stopping = True
 
     def run(self) -> int:
-        """Keep the service running until it ends well or is to stop; always 0."""
+        """Keep the service running until it exits with 0 or is stopped; always 0."""
         while True:
             code = self._one_life()
             _say("ended", exit_code=code)
@@ -88,7 +88,6 @@ class ServiceManager:
         return code
 
     def _receive(self, timeout_s: float) -> set[str]:
-        """Get the states that the service has sent."""
         self._sock.settimeout(timeout_s)
         try:
             return set(self._sock.recv(4096).decode("utf-8", "replace").split("\n"))

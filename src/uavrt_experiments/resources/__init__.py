@@ -1,1 +1,1 @@
-"""What a flight costs: CPU and memory of each process, and how many tags are too many."""
+"""Cost of a flight: CPU and memory of each process, and the largest number of tags."""

@@ -1,7 +1,7 @@
-"""The second stage in a process of its own: the decimated band to the channels of the tags.
+"""The second stage in a separate process: the decimated band to the channels of the tags.
 
-For the comparison of shapes (`uavrt_experiments.resources.stages`). Its first socket brings the
-band from the decimator, the others lead to the detectors.
+For the comparison of shapes (`uavrt_experiments.resources.stages`). Its first socket receives
+the band from the decimator, the others lead to the detectors.
 """
 
 import itertools
@@ -21,9 +21,9 @@ from uavrt.processes.kept_channels import KeptChannels
 
 SELECT_S = 0.2
 GATHER_S = 0.002
-"""For the rest of a radio block, whose first datagram has woken us."""
+"""Wait for the rest of a radio block after its first datagram."""
 BAND_SAMPLES = 32_768
-"""Of a radio block of 87 ms."""
+"""Samples of a radio block of 87 ms."""
 
 
 class BandSplitter:
@@ -50,7 +50,7 @@ class BandSplitter:
         self.samples = self.samples_lost = 0
 
     def work(self) -> None:
-        """Channelize all that waits."""
+        """Channelize all waiting samples."""
         for sender in self._senders:
             sender.flush()
         for band in self._bands():
@@ -65,7 +65,7 @@ class BandSplitter:
                 sender.flush()
 
     def _bands(self) -> Iterator[IQBlock]:
-        """Join what waits as far as it is one piece: a radio block comes in four datagrams."""
+        """Join waiting contiguous samples: a radio block comes in four datagrams."""
         parts: list[ChannelBlock] = []
         size = 0
         for block in itertools.chain.from_iterable(iter(self.band.receive, [])):
@@ -79,7 +79,7 @@ class BandSplitter:
             yield _joined(parts)
 
     def counters(self) -> dict[str, float]:
-        """Count what came and what was lost."""
+        """Counts of received and lost samples."""
         return {
             "band_samples": self.samples,
             "samples_lost": self.samples_lost,
@@ -104,7 +104,7 @@ def _joined(parts: list[ChannelBlock]) -> IQBlock:
 
 
 def main() -> None:
-    """Channelize until told to stop; then finish what is already here."""
+    """Channelize until stopped; then finish the samples already received."""
     with ProcessFrame.start() as frame:
         flight = frame.assignment.flight
         if flight is None:

@@ -1,4 +1,4 @@
-"""The first stage in a process of its own: radio samples to the decimated band.
+"""The first stage in a separate process: radio samples to the decimated band.
 
 For the comparison of shapes (`uavrt_experiments.resources.stages`): the receiver does this and
 the next stage in one process.
@@ -9,7 +9,7 @@ from uavrt.processes.receiver import Receiver, run
 
 
 class BandReceiver(Receiver):
-    """A receiver that leaves the channels, and their keeping, to another process."""
+    """A receiver that leaves the channels, and their recording, to another process."""
 
     makes_channels = False
 
@@ -30,7 +30,7 @@ class BandReceiver(Receiver):
 
 
 def main() -> None:
-    """Receive until told to stop."""
+    """Receive until stopped."""
     run(BandReceiver)
 
 

@@ -34,13 +34,13 @@ SHAPES_FLOWN = tuple(_SUPERVISORS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """One process at one moment, its children apart."""
+    """One process at one moment, without its children."""
 
     process: str
     cpu_s: float
     """CPU time since its start."""
     pss_mb: float
-    """Proportional set size: what it takes of the memory, shared pages in parts."""
+    """Proportional set size: its memory, shared pages in parts."""
     written_mb: float
     """Written to disks since its start; NaN where the kernel does not count it."""
 
@@ -49,10 +49,10 @@ class SteadyFlight:
     """The real drone side on this machine and a ground station, with a simulated radio and
     autopilot.
 
-    `tags`: how many.
-    `workers`: detector processes; 0: as many as the settings' default gives.
-    `flights`: where flight directories are made; else in a temporary folder, and removed.
-    `shape`: which stage runs in which process; one of `SHAPES_FLOWN`.
+    `tags`: number of tags.
+    `workers`: detector processes; 0: the settings' default.
+    `flights`: parent of the flight directories; else a temporary folder.
+    `shape`: stages by process; one of `SHAPES_FLOWN`.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class SteadyFlight:
         return self
 
     def _settings(self, made: Settings) -> Settings:
-        """Get those of a drone whose radio sends all the tags, as often as it can."""
+        """Settings of a drone whose radio receives all the tags, as often as possible."""
         radio = RadioSettings(
             program=(
                 *(sys.executable, "-m", "uavrt_experiments.resources.steady_radio"),
@@ -117,7 +117,7 @@ class SteadyFlight:
     # ----------------------------------------------------------------- operating
 
     def upload(self) -> None:
-        """Send the tags, and wait until the processes that always run are there."""
+        """Send the tags, and wait until the permanent processes run."""
         self._command("start_tags")
         for tag in self.tags:
             self._command("add_tag", tag)
@@ -145,7 +145,7 @@ class SteadyFlight:
         )
 
     def searching(self) -> list[Health]:
-        """Get what the processes with detectors said last."""
+        """Last records of the processes with detectors."""
         return [health for health in self.health.values() if "detectors" in health.counters]
 
     def stop(self) -> float:
@@ -182,7 +182,7 @@ class SteadyFlight:
     # ----------------------------------------------------------------- measuring
 
     def listen(self, wait_s: float) -> None:
-        """Read what the supervisor says."""
+        """Read the supervisor's records."""
         self.supervisor.check()
         for _, record in self._reader.read(wait_s):
             match record:
@@ -196,7 +196,7 @@ class SteadyFlight:
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Listen until a condition holds.
 
-        Raises `UavrtError`: it did not come true in time.
+        Raises `UavrtError`: it did not become true in time.
         """
         deadline_s = monotonic_s() + TIMEOUT_S
         while not condition():
@@ -205,7 +205,7 @@ class SteadyFlight:
             self.listen(0.02)
 
     def counter(self, process: str, name: str) -> float:
-        """Get what a process counted last."""
+        """Last value of a process's counter."""
         health = self.health.get(process)
         return health.counters.get(name, 0.0) if health else 0.0
 
@@ -218,7 +218,7 @@ class SteadyFlight:
         )
 
     def readings(self) -> list[Reading]:
-        """Measure the supervisor, its processes and helpers; the radio stand-in apart."""
+        """Measure the supervisor, its processes and helpers, without the radio stand-in."""
         names = {self.supervisor.pid: "supervisor"}
         for process in self.status.processes if self.status else ():
             if process.pid is not None:

@@ -1,4 +1,4 @@
-"""What the experiment found, in the shape of the thesis's tables."""
+"""Results of the experiment, in the shape of the thesis's tables."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -12,20 +12,20 @@ from uavrt_experiments.tables import aligned, drawn
 
 GROWTH_LIMIT = 0.01
 WRITTEN_LIMIT_MB_H = 40.0
-"""Of all processes together in an ordinary flight: a memory card lives by it."""
+"""Limit of all processes together in an ordinary flight, for the life of a memory card."""
 SAMPLES_LIMIT_MB_H = 54.0
-"""Of a tag's channel that is kept: 7500 samples a second of 2 bytes."""
+"""Limit for a tag's kept channel: 7500 samples a second of 2 bytes."""
 BEHIND_LIMIT_S = 2.0
 RADIO = "radio (stand-in)"
 TOGETHER = "all but the radio"
 KEEPER = "receiver"
-"""Keeps the samples of the tags' channels, which have a budget of their own; writes no more."""
+"""The process that records the tags' channels, which have a separate limit."""
 NO_SAMPLES = "all but kept samples"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """All processes over one stretch."""
+    """Measurement of all processes over one stretch."""
 
     minute: float
     """End of the stretch, since the start of detection."""
@@ -37,28 +37,27 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """What a flight asked of the disk, from the start of detection on."""
+    """Disk writes of a flight, from the start of detection on."""
 
     mb_h: dict[str, float]
-    """Of each process [MB/h]."""
     syncs_h: float
     """Calls of fsync an hour, by the recorder; the others make none."""
 
     @property
     def together_mb_h(self) -> float:
-        """Of all processes but the radio's stand-in, without the kept samples [MB/h]."""
+        """All processes but the radio's stand-in, without the kept samples [MB/h]."""
         return ours(self.mb_h) - self.mb_h.get(KEEPER, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load:
-    """One step of the search for too many tags."""
+    """One step of the search for the largest number of tags."""
 
     tags: int
     cpu_percent: float
     """Of one core, all processes but the radio's stand-in."""
     behind_s: float
-    """Age of the newest sample that the slowest detector had worked on at the end."""
+    """Age of the slowest detector's newest sample at the end."""
     lost_samples: float
 
     def rows(self) -> list[Row]:
@@ -75,13 +74,13 @@ class Load:
 
     @property
     def real_time(self) -> bool:
-        """Whether the system kept up."""
+        """True if the system kept up."""
         return all(row.met for row in self.rows())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResourceReport:
-    """The whole experiment."""
+    """Results of the whole experiment."""
 
     tags: int
     moments: tuple[Moment, ...]
@@ -91,10 +90,10 @@ class ResourceReport:
 
     @property
     def growth(self) -> dict[str, float]:
-        """Growth of each process's memory between the first moment and the last, relative.
+        """Relative growth of each process's memory between the first moment and the last.
 
-        Forked processes share pages until one of them writes: what one of them gains so is no
-        leak. The sum of all, without the radio's stand-in, shows leaks.
+        Forked processes share pages until one of them writes, so growth of a single process may
+        be no leak. The sum of all, without the radio's stand-in, shows leaks.
         """
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
         growth = {name: last[name] / first[name] - 1.0 for name in last if first.get(name)}
@@ -102,7 +101,7 @@ class ResourceReport:
 
     @property
     def most_tags(self) -> int | None:
-        """Largest number of tags that was kept up with."""
+        """Largest number of tags searched in real time."""
         return max((load.tags for load in self.loads if load.real_time), default=None)
 
     def as_dict(self) -> dict[str, Any]:
@@ -134,7 +133,7 @@ class ResourceReport:
         }
 
     def rows(self) -> list[Row]:
-        """What is judged: memory that grows, what is written, tags that are kept up with."""
+        """Rows with bars: memory growth, disk writes, tags in real time."""
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
         first, last = (pss | {TOGETHER: ours(pss)} for pss in (first, last))
         found = [
@@ -160,7 +159,7 @@ class ResourceReport:
         return found + [row for load in self.loads for row in load.rows()]
 
     def table(self) -> str:
-        """For people: ours, then the thesis's."""
+        """Table for a terminal: ours, then the thesis's."""
         here = {
             name: [m.cpu_percent[name] for m in self.moments]
             for name in self.moments[0].cpu_percent
@@ -181,7 +180,7 @@ class ResourceReport:
 
 
 def cpu_table(title: str, minutes: Sequence[float], rows: Mapping[str, Sequence[float]]) -> str:
-    """Make a table like the thesis's 5.2 and 5.4 side by side, with the bars of its figures."""
+    """Table like the thesis's 5.2 and 5.4 side by side, with the bars of its figures."""
     means = {name: statistics.fmean(values) for name, values in rows.items()}
     most = max(means.values()) or 1.0
     statistic_names = ("mean", "sd", "median", "min", "max", "range")
@@ -196,7 +195,7 @@ def cpu_table(title: str, minutes: Sequence[float], rows: Mapping[str, Sequence[
 
 
 def summary(values: Sequence[float]) -> dict[str, float]:
-    """Get the thesis's statistics: mean, standard deviation, median, min, max, range."""
+    """The thesis's statistics: mean, standard deviation, median, min, max, range."""
     return {
         "mean": statistics.fmean(values),
         "sd": statistics.stdev(values) if len(values) > 1 else 0.0,

@@ -1,4 +1,4 @@
-"""The experiment: a long flight, then flights with ever more tags."""
+"""The experiment: a long flight, then flights with an increasing number of tags."""
 
 import statistics
 from collections.abc import Callable
@@ -21,12 +21,12 @@ from uavrt_experiments.resources.thesis import MINUTES
 
 THESIS_MINUTES = float(MINUTES[-1])
 STRETCH = 0.5
-"""Part of the time since the last moment over which the CPU share is taken; the first stretch
-also leaves out the start."""
+"""Part of the time since the last moment for the CPU share; the first stretch also leaves out
+the start."""
 
 MEMORY_S = 40.0
-"""Memory is the mean over this long, a reading a second: two of the periods after which a
-process gives free memory back (`uavrt.heap`). A detector's goes up and down by 1 MB in each."""
+"""Averaging time of memory, a reading a second: two of the periods after which a process frees
+memory (`uavrt.heap`). A detector's varies by 1 MB in each."""
 
 SYNCS = "disk_syncs"
 """The recorder's count of fsync; no other process calls it while a flight goes on."""
@@ -36,15 +36,15 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """How long and how much."""
+    """Duration and load."""
 
     minutes: float = THESIS_MINUTES
-    """Of wall time; the moments of measurement scale with it."""
+    """Wall time; the moments of measurement scale with it."""
     tags: int = 1
     loads: tuple[int, ...] = (100, 200, 400, 800, 1600)
-    """Numbers of tags to try, until real time is lost; none: leave it out."""
+    """Numbers of tags to try, until real time is lost; empty: leave it out."""
     load_s: float = 40.0
-    """How long each is tried."""
+    """Duration of each."""
 
 
 def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceReport:
@@ -69,7 +69,7 @@ def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceRepor
 
 
 def run_written(tags: int, minutes: float) -> Written:
-    """Fly, and measure what is written; the start is left out.
+    """Fly, and measure the disk writes after the start.
 
     Raises `UavrtError`: the drone side did not start, or ended by itself.
     """
@@ -117,7 +117,7 @@ def _moment(flight: SteadyFlight, start_s: float, end_s: float, began_s: float) 
 
 
 class _DiskMeter:
-    """What is written from now on."""
+    """Disk writes from now on."""
 
     def __init__(self, flight: SteadyFlight) -> None:
         self._flight = flight
@@ -126,7 +126,7 @@ class _DiskMeter:
         self._syncs = flight.counter("recorder", SYNCS)
 
     def read(self) -> Written:
-        """Get what was written since."""
+        """Disk writes since the start."""
         hours = (monotonic_s() - self._began_s) / 3600.0
         now = by_process(self._flight.readings(), "written_mb")
         before = self._written
@@ -137,7 +137,7 @@ class _DiskMeter:
 
 
 def _mean_memory(flight: SteadyFlight, end_s: float) -> dict[str, float]:
-    """Measure the memory of each process every second until a time; get the means [MB]."""
+    """Mean memory of each process, measured every second until a time [MB]."""
     readings = [by_process(flight.readings(), "pss_mb")]
     while monotonic_s() < end_s:
         _fly_until(flight, min(monotonic_s() + 1.0, end_s))
@@ -150,9 +150,9 @@ def run_shapes(
 ) -> ShapesReport:
     """Fly the same load in each shape of the table of processes.
 
-    `tags`: how many.
-    `seconds`: how long each is measured.
-    `workers`: detectors of the shape that flies; 0: as many as the settings' default gives.
+    `tags`: number of tags.
+    `seconds`: duration of each measurement.
+    `workers`: detectors of the shape that flies; 0: the settings' default.
     `say`: takes a line of progress.
     Raises `UavrtError`: one of them did not start, or found nothing.
     """
@@ -190,7 +190,7 @@ def _shape(shape: ShapeFlown, tags: int, seconds: float, workers: int) -> ShapeF
 
 
 def _chain(process: str) -> bool:
-    """Whether a process is between radio and pulses: there the shapes differ."""
+    """True if a process is between radio and pulses, where the shapes differ."""
     return process.partition("-")[0] in ("receiver", "channelizer", "detector")
 
 

@@ -1,4 +1,4 @@
-"""What the borders between processes cost: the same flight in each shape of the table."""
+"""Cost of the borders between processes: the same flight in each shape of the table."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,25 +13,25 @@ class ShapeFlight:
 
     shape: ShapeFlown
     processes: int
-    """With supervisor, nursery, connection and recorder; without the radio's program."""
+    """Number with supervisor, nursery, connection and recorder; without the radio's program."""
     start_s: float
-    """Until all detectors worked."""
+    """Time until all detectors worked."""
     cpu_percent: float
-    """Of one core, all of them."""
+    """Percent of one core, all of them."""
     chain_cpu_percent: float
-    """Of one core, those between radio and pulses: the rest is the same in all shapes."""
+    """Percent of one core between radio and pulses: the rest is the same in all shapes."""
     pss_mb: float
     latency_p50_ms: float
     """Age of a radio block's last sample when the slowest process had searched it."""
     latency_p99_ms: float
     lost_samples: float
     pulses: float
-    """Recorded until the end."""
+    """Pulses recorded until the end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapesReport:
-    """All of them."""
+    """Results of all shapes."""
 
     tags: int
     seconds: float
@@ -59,7 +59,7 @@ class ShapesReport:
         ]
 
     def table(self) -> str:
-        """For people."""
+        """Table for a terminal."""
         text = aligned([HEADER, *self.rows()], numbers_from=1)
         return f"{self.tags} tags, {self.seconds:g} s in each shape\n{text}"
 

@@ -1,7 +1,8 @@
-"""The supervisor with decimator, channelizer and detector each in a process of its own.
+"""The supervisor with decimator, channelizer and detector in separate processes.
 
-Nothing flies so: it answers what the borders between processes cost (thesis §2.2.1 asks it of
-executors). ``python -m uavrt_experiments.resources.stages SETTINGS_JSON [TAGS_JSON]``.
+This shape never flies: it measures the cost of the borders between processes (the thesis asks
+it of executors in §2.2.1). ``python -m uavrt_experiments.resources.stages SETTINGS_JSON
+[TAGS_JSON]``.
 """
 
 import sys
@@ -35,7 +36,7 @@ STAGES = (
         samples_to="channelizer",
     ),
 )
-"""Rows in start order, in place of those that fly."""
+"""Rows in start order, replacing those that fly."""
 
 
 if __name__ == "__main__":

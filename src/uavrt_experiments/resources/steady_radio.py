@@ -1,9 +1,9 @@
-"""Stand-in for a radio's program that costs little: noise, and pulses of many tags.
+"""Cheap stand-in for a radio's program: noise, and pulses of many tags.
 
 ``python -m uavrt_experiments.resources.steady_radio --tags 100 --center-frequency-hz 148.7e6``,
 and the arguments of ``airspy_rx``, which it ignores. Writes complex float32 at 3 MS/s, paced.
-Every fourth tag beeps. For measuring what the rest costs; `uavrt.simulation.airspy_rx` is the
-one that knows a world.
+Every fourth tag beeps. It serves to measure the cost of the rest; `uavrt.simulation.airspy_rx`
+simulates a world.
 """
 
 import argparse
@@ -27,10 +27,10 @@ NOISE_RMS = 0.01
 
 
 def steady_tags(count: int, center_frequency_hz: float) -> tuple[Tag, ...]:
-    """Make a number of tags like the thesis's, at any place in the channels.
+    """Tags like the thesis's, spread over the channels.
 
-    Up to 101 stand 2390 Hz apart within ± 120 kHz; more repeat the frequencies, shifted by a
-    third of that each time round.
+    Up to 101 stand 2390 Hz apart within ± 120 kHz; more repeat the frequencies, each time
+    shifted by a third of that.
     """
     return tuple(
         Tag(
@@ -82,7 +82,7 @@ class SteadySignal:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Write samples until the reader goes away."""
+    """Write samples until the reader ends."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False, add_help=False)
     parser.add_argument("--tags", type=int, required=True)
     parser.add_argument("--center-frequency-hz", type=float, required=True)

@@ -1,8 +1,8 @@
-"""What the original system used (thesis §5.2), for comparison.
+"""Resource use of the original system (thesis §5.2), for comparison.
 
 Per cent of one core as ``top`` shows them, one tag, at 1, 5, 10, 15, 20, 25 and 30 minutes:
-Table 5.2 (UDOO X86 II Ultra, Pentium N3710, 4 cores) and Table 5.5 (Dell Precision T1700,
-Xeon E3-1240 v3). Memory in per cent of 8 and 16 GB: Tables 5.3 and 5.6.
+Table 5.2 (UDOO X86 II Ultra, Pentium N3710, 4 cores) and Table 5.5 (Dell Precision T1700, Xeon
+E3-1240 v3). Memory in per cent of 8 and 16 GB: Tables 5.3 and 5.6.
 """
 
 MINUTES = (1, 5, 10, 15, 20, 25, 30)

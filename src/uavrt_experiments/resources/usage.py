@@ -1,4 +1,4 @@
-"""CPU time, memory and disk writes of a process, as finely as ``/proc`` counts them."""
+"""CPU time, memory and disk writes of a process, at the resolution of ``/proc``."""
 
 import math
 import os
@@ -20,10 +20,10 @@ def own_cpu_s(pid: int) -> float:
 
 
 def written_mb(pid: int) -> float:
-    """Get what a process has had written to disks since its start [MB]; 0 if it is gone.
+    """Disk writes of a process since its start [MB]; 0 if it is gone.
 
     Whole pages of files that it made dirty, each time after they had been written back
-    (``write_bytes`` of proc(5), less what was cut off before); NaN where the kernel does not
+    (``write_bytes`` of proc(5), less those truncated before); NaN where the kernel does not
     count it.
     """
     try:

@@ -1,1 +1,1 @@
-"""The thesis's rotation test (§5.5) again: where its 50° came from."""
+"""The thesis's rotation test (§5.5) repeated: the origin of its 50°."""

@@ -1,4 +1,4 @@
-"""The thesis's rotation test (§5.5) as a simulated world, heard by the real chain.
+"""The thesis's rotation test (§5.5) as a simulated world, received by the real chain.
 
 A cart at 35°10'29.5" N, 111°39'26.5" W points at the tag, stands, turns once in a minute and
 stands again: 76 s in all, as from 17:46:19 to 17:47:35. Samples go through the front end and
@@ -27,25 +27,25 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, wrap_degrees_360
 from uavrt_experiments.simulated_source import SimulatedSource
 
 MAGNETIC_HEADING_DEG = 351.0
-"""Of the tag, as the thesis gives it."""
+"""Heading of the tag in the thesis."""
 DECLINATION_DEG = 10.0
-"""At Flagstaff in 2023, rounded; the autopilot's headings are true."""
+"""Declination at Flagstaff in 2023, rounded; the autopilot's headings are true."""
 BEARING_DEG = wrap_degrees_360(MAGNETIC_HEADING_DEG + DECLINATION_DEG)
 STILL_S, TURN_S = 8.0, 60.0
 DISTANCE_M = 60.0
 LEAD_S = 120.0
-"""From the program's start to the recording's: time in which the cart may have been turned."""
+"""Time from the program's start to the recording's, in which the cart may have been turned."""
 _POSE_HZ = 50
 _BOOT_MS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cart:
-    """What differs from run to run."""
+    """Parameters that differ from run to run."""
 
     walls: tuple[Wall, ...] = ()
     mismatch_deg: float = 0.0
-    """Between the polarizations of tag and antenna."""
+    """Angle between the polarizations of tag and antenna."""
     erp_dbm: float = -72.0
     """A 30 dB pulse on boresight at 60 m."""
     seed: int = 1
@@ -92,7 +92,7 @@ class Cart:
 
 
 def building(bearing_deg: float, distance_m: float, reflection: float) -> Wall:
-    """Make a wall so far away in that direction, facing the cart."""
+    """Wall at a distance in a direction, facing the cart."""
     north, east, _ = _towards(bearing_deg, distance_m)
     facing = wrap_degrees_360(bearing_deg + 180.0)
     return Wall(north_m=north, east_m=east, facing_deg=facing, reflection=reflection)
@@ -120,7 +120,7 @@ def heard(scenario: Scenario, sample_rate_hz: float) -> list[Pulse]:
 
 
 def with_poses(scenario: Scenario, pulses: Sequence[Pulse]) -> list[PulsePose]:
-    """Poses as our chain attaches them: from MAVLink bytes, interpolated at the pulse."""
+    """Poses as attached by our chain: from MAVLink bytes, interpolated at the pulse."""
     ring = PoseRing()
     writer, parser = FrameWriter(1, 1), FrameParser()
     step_ns = NANOSECONDS_PER_SECOND // _POSE_HZ

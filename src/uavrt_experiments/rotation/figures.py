@@ -1,4 +1,4 @@
-"""Figures 5.16 and 5.17 again: yaw over time and SNR over yaw, one row for each reading."""
+"""Figures 5.16 and 5.17 repeated: yaw over time and SNR over yaw, one row for each reading."""
 
 from collections.abc import Sequence
 from html import escape
@@ -25,7 +25,7 @@ def rotation_page(title: str, rows: Sequence[Row], texts: Sequence[Sequence[str]
         f'alt="{escape(name)}: yaw over time, SNR over yaw"></figure>'
         for (name, _, _), uri in zip(rows, pictures, strict=True)
     )
-    told = "".join(f"<pre>{escape(chr(10).join(lines))}</pre>" for lines in texts)
+    paragraphs = "".join(f"<pre>{escape(chr(10).join(lines))}</pre>" for lines in texts)
     style = (
         "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto}"
         "img{width:100%}pre{font-size:.8rem;white-space:pre-wrap}figure{margin:1rem 0}"
@@ -33,7 +33,7 @@ def rotation_page(title: str, rows: Sequence[Row], texts: Sequence[Sequence[str]
     )
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
-        f"</title><style>{style}</style></head><body><h1>{escape(title)}</h1>{told}{shown}"
+        f"</title><style>{style}</style></head><body><h1>{escape(title)}</h1>{paragraphs}{shown}"
         "</body></html>\n"
     )
 

@@ -21,7 +21,7 @@ from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 REPORT_DELAY_S = 5.0
-"""From a pulse's end to the moment its pose is sought: the original's detector reports the
+"""Time from a pulse's end to the search for its pose: the original's detector reports the
 thesis's tag up to 5.0 s after a group's first pulse."""
 
 

@@ -1,4 +1,4 @@
-"""What a log of one turn says, read as the thesis reads its figures 5.16 and 5.17."""
+"""One log of a turn, read as the thesis reads its figures 5.16 and 5.17."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Reading:
     """One log of one turn."""
 
     time_s: _Floats
-    """(n,) after the first pulse."""
+    """(n,) time after the first pulse."""
     yaw_deg: _Floats
     """(n,) as logged, [0, 360)."""
     snr_db: _Floats
@@ -32,14 +32,14 @@ class Reading:
     """Heading where the pulses are strongest, as an eye takes it from the figure: of arcs of
     10° those within 1 dB of the best; each counts once, however long the cart stood there."""
     pca_deg: float
-    """By the original's estimator."""
+    """Bearing by the original's estimator."""
     bearing: Bearing
-    """By ours."""
+    """Bearing by our estimator."""
     covered_deg: float
-    """Arc of headings in which there are pulses."""
+    """Arc of headings with pulses."""
 
     def shift_deg(self, bearing_deg: float) -> float:
-        """How far the strongest pulses are from the tag's bearing, [-180, 180)."""
+        """Angle of the strongest pulses from the tag's bearing, [-180, 180)."""
         return wrapped(self.peak_deg - bearing_deg)
 
 

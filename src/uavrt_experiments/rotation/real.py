@@ -1,4 +1,4 @@
-"""The same reading of a real rotation: figures, bearing, and whether its poses can be true."""
+"""The same reading of a real rotation: figures, bearing, and plausibility of its poses."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,20 +26,20 @@ class RealRotation:
     reading: Reading
     start_time_s: float
     turned_deg: float | None
-    """Total turn of the vehicle by its own poses meanwhile; None without them."""
+    """Total turn of the vehicle by its own poses; None without them."""
     pose_error_deg: float | None
     """Rms of pulse headings against the vehicle's poses, a constant offset taken out."""
     half_error_deg: float | None
     """The same against half-way headings."""
     original: bool
     recovered: Bearing | None
-    """Bearing with half-way headings undone; None when not asked for or not needed."""
+    """Bearing with half-way headings corrected; None when not requested or not needed."""
     bearing_deg: float | None
     """The tag's true bearing, when it was given."""
 
     @property
     def half_way(self) -> bool:
-        """Whether the poses are half-way ones."""
+        """True if the poses are half-way ones."""
         if self.original:
             return True
         if self.pose_error_deg is None or self.half_error_deg is None:
@@ -47,7 +47,7 @@ class RealRotation:
         return self.half_error_deg < 0.5 * self.pose_error_deg
 
     def lines(self) -> list[str]:
-        """What there is to say."""
+        """Lines of the report."""
         reading, found = self.reading, self.reading.bearing
         lines = [
             f"tag {self.tag_id}: {len(reading.snr_db)} pulses in {reading.time_s[-1]:.0f} s, "
@@ -149,7 +149,7 @@ def _rotation(
 def _against_vehicle(
     survey: Survey, reading: Reading, first_ns: int
 ) -> tuple[float | None, float | None, float | None]:
-    """Turn of the vehicle, and how pulse headings fit it and half of it."""
+    """Turn of the vehicle, and rms of the pulse headings against it and against half of it."""
     if survey.kind != "flight" or len(survey.track) < 10:
         return None, None, None
     times = np.array(

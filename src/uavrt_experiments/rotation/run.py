@@ -25,12 +25,12 @@ THESIS_SHIFT_DEG = 50.0
 SHIFT_TOLERANCE_DEG = 15.0
 ONE_WALL = building(bearing_deg=70.0, distance_m=25.0, reflection=-0.8)
 AWAY_DEG = 100.0
-"""Heading from the tag at which the original must have been started for a shift of 50°."""
+"""Heading from the tag at the original program's start that gives a shift of 50°."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Case:
-    """One combination of causes and what its log says."""
+    """One combination of causes and its result."""
 
     name: str
     wall: bool
@@ -41,7 +41,7 @@ class Case:
 
     @property
     def shift_deg(self) -> float:
-        """Strongest pulses from the tag's bearing."""
+        """Angle of the strongest pulses from the tag's bearing."""
         return self.reading.shift_deg(BEARING_DEG)
 
     @property
@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallSurvey:
-    """How far reflections alone can go: shares of random walls."""
+    """Effect of reflections alone: shares of random walls."""
 
     walls: int
     shifted: float
@@ -67,8 +67,8 @@ class WallSurvey:
     shifted_original: float
     """Share with such a shift, with the original's poses and its start at the tag."""
     flagged: float
-    """Of those that shift with true poses by over 15°: share that our bearing calls ambiguous,
-    or that has it right within 15°."""
+    """Share of shifts above 15° with true poses that our bearing marks as ambiguous, or has
+    right within 15°."""
     median_deg: float
     """Median of the shift's size, true poses."""
 
@@ -91,9 +91,9 @@ def cases(sample_rate_hz: float, seed: int = 1) -> list[Case]:
 
 
 def start_sweep(steps: Sequence[float], seed: int = 1) -> list[tuple[float, float]]:
-    """Shift under the original's poses over its heading from the tag at the program's start.
+    """Shift with the original's poses over its heading from the tag at the program's start.
 
-    Pulses with their true times and levels, no detector between.
+    Pulses with their true times and levels, without a detector.
     """
     scenario = Cart(seed=seed).scenario
     pulses = true_pulses(scenario, np.random.default_rng(seed))
@@ -168,7 +168,7 @@ def polarization_table(
 
 
 def true_pulses(scenario: Scenario, rng: np.random.Generator) -> list[Pulse]:
-    """Pulses as they are, their power measured in noise: |√(E/N₀) + noise|² - 1."""
+    """Ideal pulses, their power measured in noise: |√(E/N₀) + noise|² - 1."""
     end_ns = scenario.start_time_ns + ns_from_s(scenario.duration_s)
     found = []
     for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
@@ -225,7 +225,7 @@ def _like(shift_deg: float) -> bool:
 
 
 def _reflects(scenario: Scenario, wall: Wall) -> bool:
-    """Whether the tag too stands before the wall."""
+    """True if the tag too stands before the wall."""
     tag = scenario.tag[0]
     facing = np.radians(wall.facing_deg)
     before = (tag.north_m - wall.north_m) * np.cos(facing)

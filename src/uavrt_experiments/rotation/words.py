@@ -31,7 +31,7 @@ def case_lines(cases: Sequence[Case]) -> list[str]:
 
 
 def legend_lines() -> list[str]:
-    """What the columns mean."""
+    """Legend of the columns."""
     return [
         "shift: strongest pulses from the tag's true bearing; PCA: the original's bearing; "
         "ours: pattern_ml,",
@@ -50,7 +50,7 @@ def sweep_lines(sweep: Sequence[tuple[float, float]]) -> list[str]:
 
 
 def wall_lines(survey: WallSurvey) -> list[str]:
-    """What reflections alone can do."""
+    """Effect of reflections alone."""
     return [
         f"{survey.walls} random walls, 8 to 60 m away, reflecting 30 to 90 % of the field:",
         f"  true poses: median shift {survey.median_deg:.1f}°; by 35° to 65° in "
@@ -77,7 +77,7 @@ def polarization_lines(
 
 
 def verdict_lines(cases: Sequence[Case], survey: WallSurvey) -> list[str]:
-    """What made the thesis's figures, decided by the numbers of this run."""
+    """Cause of the thesis's figures, decided by the numbers of this run."""
     folded = [case for case in cases if case.like_figure_16]
     both = [case for case in folded if case.like_figure_17]
     started_there = [case for case in cases if case.first_off_deg == 0.0]

@@ -1,1 +1,1 @@
-"""Planners against each other: published tables, paired seeds, bars."""
+"""Comparison of planners: published tables, paired seeds, bars."""

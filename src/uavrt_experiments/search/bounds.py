@@ -38,7 +38,7 @@ from uavrt_experiments.search.world import World
 
 _Floats = NDArray[np.float64]
 _STEP_M = 0.5
-"""Half of what a gradient is taken over."""
+"""Half of the step of a numerical gradient."""
 _CHI2_95 = -2.0 * math.log(0.05)
 _DISTANCES = 60
 _HEADINGS = 61
@@ -154,7 +154,7 @@ class LeastErrors:
 
 
 def _of_area(scenario: Scenario) -> _Floats:
-    """Information of knowing the area alone: the inverse of its variance."""
+    """Information of the area alone: the inverse of its variance."""
     return np.diag([12.0 / scenario.east_m**2, 12.0 / scenario.north_m**2])
 
 
@@ -199,10 +199,10 @@ def tree_m(start_m: _Floats, circles_m: _Floats, radii_m: _Floats) -> float:
 def least_time_s(
     scenario: Scenario, stop: StopRule, seed: int, starts: Sequence[VehicleState]
 ) -> float | None:
-    """Time before which no search of a drawn world ends; None: not known.
+    """Time before which no search of a drawn world ends; None: unknown.
 
     `seed`: of the run.
-    `starts`: where each drone begins.
+    `starts`: start of each drone.
     """
     needed = needed_information(stop)
     if needed is None or scenario.truth.ground is not None:
@@ -213,13 +213,13 @@ def least_time_s(
     start = np.array([(one.east_m, one.north_m) for one in starts])
     speed = scenario.vehicle.speed_m_s
     first = world.places_m.copy()
-    told, moved = np.zeros(len(first)), np.zeros(len(first))
+    gathered, moved = np.zeros(len(first)), np.zeros(len(first))
     for second in range(1, scenario.limit_s + 1):
         world.advance(second)
         moved = np.maximum(moved, np.linalg.norm(world.places_m - first, axis=1))
         away = np.linalg.norm(world.places_m[:, None] - start[None], axis=2).min(axis=1)
-        told += len(starts) * most.at(np.maximum(away - speed * second, 0.0))
-        if told.min() < needed:
+        gathered += len(starts) * most.at(np.maximum(away - speed * second, 0.0))
+        if gathered.min() < needed:
             continue
         near = most.within(needed / (second * len(starts)))
         if tree_m(start, first, near + moved) <= speed * second * len(starts):

@@ -22,7 +22,7 @@ from uavrt_experiments.search.scenario import PUBLISHED, THAN_PUBLISHED, Contend
 from uavrt_experiments.search.table import Flown
 
 FOLDERS = ("localization", "planning")
-"""Of the package: where the figures come from."""
+"""Folders of the package that the figures depend on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,14 +57,14 @@ def plan(
 
 
 def made_with() -> str:
-    """Get what kept outcomes follow from besides their names: the code."""
+    """Code that stored outcomes depend on."""
     ours = digest(("search",), Path(uavrt_experiments.__file__).parent)
     theirs = digest(("ground", "guidance", "processes", "simulation", "terrain", *FOLDERS))
     return f"code {theirs} and {ours}"
 
 
 def flown(run: Run) -> Outcome:
-    """Fly a run and bound its time; called in whatever process."""
+    """Fly a run and bound its time, in any process."""
     scenario, who = SCENARIOS[run.scenario], run.contender
     case = flown_case(scenario, who)
     if who.as_drones:
@@ -85,9 +85,9 @@ def fly_all(
 ) -> list[Flown]:
     """Fly runs, and group them by contender in their order.
 
-    `kept`: runs in it are not flown again, and each that is flown is put into it at once.
+    `kept`: stored runs are not flown again, and each flown one is stored at once.
     `workers`: processes; 1 flies in this one.
-    `on_progress`: takes the number of runs done.
+    `on_progress`: receives the number of runs done.
     """
     kept = KeptOutcomes() if kept is None else kept
     to_fly = [run for run in planned if _name(run) not in kept]
@@ -101,11 +101,11 @@ def fly_all(
 
 
 def so_far(planned: list[Run], kept: KeptOutcomes) -> list[Flown]:
-    """Group those runs that are kept by contender, in their order."""
+    """Group the stored runs by contender, in their order."""
     groups: dict[Contender, list[Outcome]] = {}
     for run in planned:
-        for told in kept.of(_name(run)):
-            outcome = msgspec.convert(told, Outcome)
+        for stored in kept.of(_name(run)):
+            outcome = msgspec.convert(stored, Outcome)
             groups.setdefault(run.contender, []).append(outcome)
     return [Flown(contender=who, outcomes=tuple(runs)) for who, runs in groups.items()]
 
@@ -137,5 +137,5 @@ def _each(planned: list[Run], workers: int) -> Iterator[tuple[Run, Outcome]]:
 
 
 def _leave_interrupts() -> None:
-    """Ctrl-C reaches all processes of a terminal: the first one ends the others."""
+    """Ignore Ctrl-C, which reaches all processes of a terminal; the first ends the others."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -24,7 +24,7 @@ from uavrt_experiments.search.terrain import Hills
 
 _BASELINES = ("closest", "shannon", "renyi", "lawnmower", "rotation_points")
 _WIDE = ("closest", "shannon", "renyi", "lawnmower", "lavapilot")
-"""Those of several square kilometres: turning at each point of a grid would take hours."""
+"""Planners for several square kilometres: turning at each point of a grid would take hours."""
 _HARD = ("closest", "renyi", "lawnmower")
 
 
@@ -158,7 +158,9 @@ T3 = Scenario(
 
 
 def _conservationbots(name: str, tags: int, time_s: float) -> Scenario:
-    """ConservationBots on flat ground; where its animals are is known of five, so: anywhere."""
+    """ConservationBots on flat ground; the places of only five animals are known, so they are
+    drawn.
+    """
     return Scenario(
         name=name,
         title=f"ConservationBots on flat ground, {tags} animals, a tenth of the pulses missed",
@@ -324,4 +326,4 @@ SCENARIOS: dict[str, Scenario] = {
     one.name: one
     for one in (T1, T2, T2_DRONES, T3, T4, T5, T5_19, T5_DRONES, T6, T7, T8, T9, T10)
 }
-"""By name."""
+"""Scenarios by name."""

@@ -64,7 +64,7 @@ _START_GAP_M = 30.0
 _HEARD_DB = 11.4
 """SNR from which a drone expects single pulses; a table's threshold is put there."""
 _ALL_HEARD_DB = 200.0
-"""Added to a table's levels where every pulse is heard, however weak."""
+"""Added to a table's levels where every pulse is heard."""
 _FENCE_M, _BATTERY_WH = 5000.0, 1e6
 _GREETING_S = 3.0
 """Time in which several drones receive each other's courses before they begin [s]."""
@@ -72,14 +72,14 @@ _BETWEEN = np.linspace(0.0, 1.0, 11)
 
 
 class Aircraft(Protocol):
-    """A simulated drone that flies its pilot's wishes."""
+    """A simulated drone that executes its pilot's commands."""
 
     vehicle: FlyingVehicle
     pilot: Pilot | None
     time_s: float
 
     def now(self) -> VehicleNow | None:
-        """Return what the guide sees of it."""
+        """State as the guide receives it."""
 
     def step(self) -> None:
         """Advance by `STEP_S`."""
@@ -93,7 +93,7 @@ Maker = Callable[[Flavour, Frame, Limits, VehicleState], Aircraft]
 
 
 class Direct:
-    """An aircraft whose autopilot obeys each wish at once, without any takeover."""
+    """An aircraft whose autopilot executes each command at once, without any takeover."""
 
     def __init__(
         self, flavour: Flavour, frame: Frame, limits: Limits, start: VehicleState
@@ -180,7 +180,7 @@ def _command_of(wish: Wish) -> VehicleCommand:
 
 
 def starts_of(scenario: Scenario, contender: Contender) -> dict[int, VehicleState]:
-    """Where the drones begin, by number; each 10 m above the one before."""
+    """Start places of the drones, by number; each 10 m above the one before."""
     east, north = scenario.east_m, scenario.north_m
     start = start_of(scenario)
     x, y = scenario.start_m
@@ -197,7 +197,7 @@ def starts_of(scenario: Scenario, contender: Contender) -> dict[int, VehicleStat
 
 
 def limits_of(scenario: Scenario) -> Limits:
-    """Return the settings of a drone that flies a table."""
+    """Settings of a drone that flies a table."""
     rule = scenario.keep_away
     return Limits(
         lowest_m=5.0,
@@ -210,7 +210,7 @@ def limits_of(scenario: Scenario) -> Limits:
 
 
 def raised_db(scenario: Scenario) -> float:
-    """Return what to add to a table's levels for the SNR that a drone's detector finds [dB]."""
+    """Offset from a table's levels to the SNR in a drone's detector [dB]."""
     threshold = scenario.truth.threshold_db
     return _HEARD_DB - threshold if threshold > -_ALL_HEARD_DB else _ALL_HEARD_DB
 
@@ -227,7 +227,7 @@ class _AtOnce(Thinker):
 
 
 class Drone:
-    """One drone, and what it has heard.
+    """One drone, and its received pulses.
 
     `number`: from 0.
     """
@@ -245,7 +245,7 @@ class Drone:
         self._limits, self._equipment = limits, equipment
         self.shared = SharedSearch(1000 * (number + 1))
         self.found: dict[int, tuple[float, float, float]] = {}
-        """Latitude, longitude and 95 % radius of tags found since the last look."""
+        """Latitude, longitude and 95 % radius of tags found since the last check."""
         self.decision_s: list[float] = []
         self._thinker: _AtOnce | None = None
         self._pilot: Pilot | None = None
@@ -253,7 +253,7 @@ class Drone:
 
     @property
     def state(self) -> VehicleState:
-        """Where it is."""
+        """Present state of the drone."""
         vehicle = self.aircraft.vehicle
         north, east = vehicle.body.place_m
         return VehicleState(
@@ -266,11 +266,11 @@ class Drone:
 
     @property
     def time_ns(self) -> int:
-        """Its clock."""
+        """Time on the drone's clock."""
         return ns_from_s(self.aircraft.time_s)
 
     def begin(self) -> None:
-        """Give the order, and confirm it."""
+        """Give and confirm the order."""
         now, order = self.aircraft.now(), self._order
         assert now is not None
         self.shared.begin(now.time_s)
@@ -286,7 +286,7 @@ class Drone:
         self.shared.go((now.latitude_deg, now.longitude_deg))
 
     def hear(self, tag: Tag, snr_db: float | None) -> None:
-        """Take a pulse, or that the detector searched and found none."""
+        """Receive a pulse, or the report that none was found."""
         assert self._thinker is not None
         time_ns, vehicle = self.time_ns, self.aircraft.vehicle
         if snr_db is not None:
@@ -311,7 +311,7 @@ class Drone:
         )
 
     def think(self) -> None:
-        """Decide where to fly when it is time, as the guide does."""
+        """Decide where to fly when it is due, as the guide does."""
         now, thinker, pilot = self.aircraft.now(), self._thinker, self._pilot
         if now is None or thinker is None or pilot is None:
             return
@@ -359,7 +359,7 @@ class Drone:
                     place = (sought.latitude_deg, sought.longitude_deg, sought.radius95_m)
                     self.found[sought.tag_id] = place
 
-    def tell(self, ways: GivenWays) -> bool:
+    def send_course(self, ways: GivenWays) -> bool:
         """Send the drone's course to the station when due; True if others need it now."""
         now, shared = self.aircraft.now(), self.shared
         if now is None or not shared.speaks(now.time_s):
@@ -396,8 +396,8 @@ def _pulse(tag: Tag, time_ns: int, snr_db: float) -> Pulse:
 class FlightOfDrones:
     """Drones that search a world until every tag is found or the time is over.
 
-    `contender`: says how many drones start where.
-    `make`: makes each drone; `Direct` obeys at once.
+    `contender`: number and start places of the drones.
+    `make`: makes each drone; `Direct` executes at once.
     """
 
     def __init__(
@@ -438,7 +438,7 @@ class FlightOfDrones:
             order = self._order(aircraft.vehicle.plane, start.height_m)
             one = replace(equipment, seed=seed * 10 + number)
             self.drones.append(Drone(number, aircraft, order, self._tags, limits, one))
-        self._ways, self._told_s = GivenWays(), -math.inf
+        self._ways, self._sent_s = GivenWays(), -math.inf
         self.second = 0
         self.judged: list[Judged] = []
         self.paths = [[(one.state.east_m, one.state.north_m)] for one in self.drones]
@@ -503,10 +503,10 @@ class FlightOfDrones:
             one.think()
             self._judge(one)
             if len(self.drones) > 1:
-                news |= one.tell(self._ways)
+                news |= one.send_course(self._ways)
         time_s = self.drones[0].aircraft.time_s
-        if len(self.drones) > 1 and (news or time_s >= self._told_s + COURSE_S):
-            self._told_s = time_s
+        if len(self.drones) > 1 and (news or time_s >= self._sent_s + COURSE_S):
+            self._sent_s = time_s
             for one in self.drones:
                 for report in self._ways.reports_for(one.number + 1, time_s):
                     one.shared.take(report, time_s)

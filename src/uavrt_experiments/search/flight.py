@@ -41,48 +41,48 @@ class Judged:
     """None: there is no such tag."""
     radius95_m: float
     information: tuple[float, float, float] | None = None
-    """What could be known of its place by then [1/m²]: east, both, north."""
+    """Attainable information on its place by then [1/m²]: east, both, north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of a run."""
+    """Result of a run."""
 
     seed: int
     time_s: float
-    """Until the last tag was found, or the limit."""
+    """Time until the last tag was found, or the limit."""
     distance_m: float
     judged: tuple[Judged, ...]
     lost: int
-    """Tags that are there and were not found."""
+    """Present tags that were not found."""
     nearest_m: float
-    """That the drone came to any animal, over ground."""
+    """Least distance of the drone from any animal, over ground."""
     too_near_s: int
     """Seconds within the radius to keep."""
     decision_s: tuple[float, ...]
     """Processor time of each decision."""
     path_m: tuple[tuple[float, float], ...]
     ends_m: tuple[tuple[float, float], ...]
-    """Where the tags were in the end."""
+    """Final places of the tags."""
     apart_m: float = float("inf")
-    """That two drones came to each other, over ground."""
+    """Least distance of two drones, over ground."""
     least_time_s: float | None = None
-    """No search of this world ends before."""
+    """Bound of the time of any search of this world."""
 
     @property
     def complete(self) -> bool:
-        """Whether every tag that is there was found."""
+        """True if every present tag was found."""
         return self.lost == 0
 
     @property
     def mean_error_m(self) -> float:
-        """Over those found that are there; NaN where none is."""
+        """Mean error of found tags that are present; NaN without any."""
         errors = [one.error_m for one in self.judged if one.error_m is not None]
         return float(np.mean(errors)) if errors else float("nan")
 
 
 def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
-    """Get the prior of each tag; known strengths are those of the world."""
+    """Prior of each tag; known strengths are those of the world."""
     truth, known = scenario.truth, scenario.known
     prior = TagPrior(
         area=Area(west_m=0.0, east_m=scenario.east_m, south_m=0.0, north_m=scenario.north_m),
@@ -117,7 +117,7 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
 def beliefs_of(
     scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
 ) -> Beliefs:
-    """Get the beliefs before the flight."""
+    """Beliefs before the flight."""
     priors = priors_of(scenario, world)
     if contender.filter == "TrackerBots":
         priors = [replace(one, missed_share=0.0, chance_share=1e-6) for one in priors]
@@ -132,7 +132,7 @@ def beliefs_of(
 
 
 def map_of(scenario: Scenario) -> HillLosses | None:
-    """Get the searcher's map of the ground."""
+    """The searcher's map of the ground."""
     truth = scenario.truth
     if truth.ground is None or not scenario.known.map_of_heights:
         return None
@@ -152,19 +152,19 @@ def pattern_of(truth: Truth) -> AntennaPattern | None:
 
 
 def _share(believed: float | None, true: float) -> float:
-    """A searcher allows for a thousandth of what it does not expect at all."""
+    """Share with a thousandth for events that the searcher does not expect at all."""
     return max(true if believed is None else believed, 1e-3)
 
 
 def fly(
     scenario: Scenario, contender: Contender, seed: int, *, particles: int = 10_000
 ) -> Outcome:
-    """Fly one run, of the easier case where the contender is there for that."""
+    """Fly one run; the easier case for a contender that is marked so."""
     return _Flight(flown_case(scenario, contender), contender, seed, particles).flown()
 
 
 def start_of(scenario: Scenario) -> VehicleState:
-    """Where a drone begins that searches alone."""
+    """Start of a drone that searches alone."""
     return VehicleState(
         time_s=0.0,
         east_m=scenario.start_m[0],
@@ -175,12 +175,12 @@ def start_of(scenario: Scenario) -> VehicleState:
 
 
 def flown_case(scenario: Scenario, contender: Contender) -> Scenario:
-    """Get what a contender flies: the easier case where it is there for that."""
+    """Scenario for a contender; the easier case where it is marked so."""
     return (scenario.easier or scenario) if contender.easier else scenario
 
 
 def planner_of(contender: Contender) -> Planner:
-    """The planner by its name, or as a contender wants it."""
+    """Planner by name, or with a contender's settings."""
     if contender.planner == "shannon" and contender.turn_s > 0.0:
         return Shannon(rotation_s=contender.turn_s)
     return any_planner(contender.planner)
@@ -247,7 +247,7 @@ class _Flight:
         )
 
     def _done(self) -> bool:
-        """Every tag that is there is found: only then a table's clock stops."""
+        """True if every present tag is found; only then a table's clock stops."""
         found = sum(self.world.exists(one.tag_id) for one in self.judged)
         return found == self.scenario.tags or self.second >= self.scenario.limit_s
 
@@ -320,7 +320,7 @@ class _Flight:
 
 
 def judged(found: Found, tag_id: int, world: World, least: LeastErrors) -> Judged:
-    """Compare what was called found with what is there, and with what could be known."""
+    """Compare found tags with the truth, and with the attainable information."""
     error = None
     if world.exists(tag_id):
         x, y = world.places_m[tag_id - 1]
@@ -337,7 +337,7 @@ def judged(found: Found, tag_id: int, world: World, least: LeastErrors) -> Judge
 def reachable(
     vehicle: Vehicle, state: VehicleState, action: FlyTo, wind: Wind, within_s: float
 ) -> FlyTo:
-    """Nearest place on the way at which a drone that must stop in time stands still."""
+    """Nearest place on the path where a drone that must brake stands still."""
     whole = float(
         vehicle.durations(state, np.array([action.east_m]), np.array([action.north_m]), wind)[0]
     )

@@ -1,4 +1,4 @@
-"""Convert signal strengths given by others to ours."""
+"""Convert published signal strengths to ours."""
 
 from math import log10
 

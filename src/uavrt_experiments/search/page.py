@@ -1,4 +1,4 @@
-"""The page of the manual on which the tables stand, each with what repeats it."""
+"""The manual's page with the tables, each with the command that repeats it."""
 
 import re
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ _SECTION = re.compile(r"<!-- begin ([\w-]+) -->\n.*?<!-- end \1 -->\n", re.DOTAL
 
 
 def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured: str) -> str:
-    """Markdown of a table; figures that miss what is asked are bold.
+    """Markdown of a table; figures that miss their bar are bold.
 
     `rows`: as `results` makes them.
-    `command`: what repeats it.
-    `measured`: of which code it is.
+    `command`: command that repeats it.
+    `measured`: line on the measured code.
     """
 
     def cell(one: Row) -> str:

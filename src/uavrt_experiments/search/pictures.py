@@ -1,4 +1,4 @@
-"""Paths of the runs, to look at."""
+"""Pictures of the runs' paths."""
 
 from pathlib import Path
 

@@ -1,8 +1,8 @@
-"""A handful of searches by the real processes, whose pulses come from samples.
+"""Several searches by the real processes, whose pulses come from samples.
 
-They are `uavrt demo --search` flown again and again, in worlds that are drawn from the seed:
-supervisor, processes and order are those of a flight, radio and autopilot are simulated. A
-flight that fails is kept as such, with its reason.
+They are repeated flights of `uavrt demo --search` in worlds drawn from the seed: supervisor,
+processes and order are those of a flight, radio and autopilot are simulated. A flight that
+fails is kept as such, with its reason.
 """
 
 import math
@@ -31,11 +31,11 @@ from uavrt_experiments.tables import aligned, markdown
 PROCESSES = "processes"
 """Name of the table."""
 PROCESS_FOLDERS = ("detection", "dsp", "guidance", "localization", "planning")
-"""Of the package: where its figures come from."""
+"""Folders of the package that the figures depend on."""
 LIMIT_S = 600.0
-"""Of each search, as in the demo."""
+"""Time limit of each search, as in the demo."""
 _FALSE_RADII = 3.0
-"""An animal reported farther away than this is found falsely [its own 95 % radii]."""
+"""Error, in 95 % radii, beyond which an animal counts as found falsely."""
 _CASE = "mi_rate, our stop"
 _HEADS = (
     *("seed", "found", "time, s", "error of each animal, m (95 % radius)"),
@@ -45,41 +45,41 @@ _HEADS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealFlight:
-    """What came of one search by the real processes."""
+    """Result of one search by the real processes."""
 
     seed: int
     animals: int
-    """That there are."""
+    """Number of animals present."""
     summary: SearchSummary | None = None
     """None: the flight failed."""
     failure: str = ""
 
     @property
     def found(self) -> int:
-        """Animals that were found."""
+        """Number of animals found."""
         return 0 if self.summary is None else sum(a.found for a in self.summary.tags.values())
 
     @property
     def time_s(self) -> float:
-        """Until all were found; the limit where they were not."""
+        """Time until all were found; the limit where they were not."""
         if self.summary is None or self.found < self.animals:
             return LIMIT_S
         return max(one.found_s or 0.0 for one in self.summary.tags.values())
 
     @property
     def errors(self) -> list[tuple[float, float]]:
-        """Error and 95 % radius [m] of each animal that was found."""
+        """Error and 95 % radius [m] of each found animal."""
         animals = () if self.summary is None else self.summary.tags.values()
         return [(one.error_m, one.radius95_m) for one in animals if one.error_m is not None]
 
     @property
     def false_finds(self) -> int:
-        """Animals that were found where they are not."""
+        """Number of animals reported at a wrong place."""
         return sum(error > _FALSE_RADII * radius for error, radius in self.errors)
 
 
 def drawn_world(seed: int) -> Scenario:
-    """Get the demo's world with its animals elsewhere: each turned about home by some angle.
+    """The demo's world with its animals elsewhere: each turned about home by some angle.
 
     `seed`: of the angles and of everything random in the world.
     """
@@ -107,12 +107,12 @@ def fly_for_real(
     say: Callable[[str], None],
     on_progress: Callable[[int], None],
 ) -> None:
-    """Fly searches one after another; what each brought is kept.
+    """Fly searches one after another, and store each result.
 
     `seed`: of the first; each other has the next.
-    `kept`: those in it are not flown again.
-    `say`: takes what a flight says while it flies, a line at a time.
-    `on_progress`: takes the number of flights done.
+    `kept`: stored flights are not flown again.
+    `say`: takes a line of progress.
+    `on_progress`: receives the number of flights done.
     """
     for number in range(flights):
         kept.take(_name(seed + number), partial(_flown, drawn_world(seed + number), say))
@@ -120,9 +120,9 @@ def fly_for_real(
 
 
 def flights_so_far(flights: int, seed: int, kept: KeptOutcomes) -> list[RealFlight]:
-    """Get those of `fly_for_real` that are kept."""
-    told = [one for n in range(flights) for one in kept.of(_name(seed + n))]
-    return [msgspec.convert(one, RealFlight) for one in told]
+    """Stored results of `fly_for_real`."""
+    stored = [one for n in range(flights) for one in kept.of(_name(seed + n))]
+    return [msgspec.convert(one, RealFlight) for one in stored]
 
 
 def _name(seed: int) -> str:
@@ -130,7 +130,7 @@ def _name(seed: int) -> str:
 
 
 def _flown(world: Scenario, say: Callable[[str], None]) -> dict[str, Any]:
-    """Fly one; the recording is thrown away."""
+    """Fly one; the recording is deleted."""
     summary, failure = None, ""
     with TemporaryDirectory(prefix="uavrt-searches-") as work:
         try:
@@ -153,12 +153,12 @@ def _flown(world: Scenario, say: Callable[[str], None]) -> dict[str, Any]:
 
 
 def largest(values: NDArray[np.float64]) -> float:
-    """Of all flights."""
+    """Largest value over all flights."""
     return float(np.max(values))
 
 
 def process_rows(flights: Sequence[RealFlight]) -> list[Row]:
-    """Make the figures over all flights, and what is asked of them.
+    """Rows of the figures over all flights, with their bars.
 
     `flights`: a failed one has found none of its animals.
     """
@@ -192,7 +192,7 @@ def process_rows(flights: Sequence[RealFlight]) -> list[Row]:
 
 
 def flight_lines(flights: Sequence[RealFlight]) -> tuple[list[str], list[list[str]]]:
-    """Headings, and a line of text for each flight; a failed one says why."""
+    """Headings, and a line of text for each flight; a failed one has the reason."""
     lines = []
     for one in flights:
         line = [str(one.seed), f"{one.found} of {one.animals}"]
@@ -229,10 +229,10 @@ def process_section(flights: Sequence[RealFlight], rows: Sequence[Row]) -> str:
 def process_page(
     flights: Sequence[RealFlight], rows: Sequence[Row], command: str, code: str
 ) -> str:
-    """Write both as Markdown; figures that miss what is asked are bold.
+    """Both as Markdown; figures that miss their bar are bold.
 
     `rows`: as `process_rows` makes them.
-    `command`, `code`: what repeats it, and of which code it is.
+    `command`, `code`: command that repeats it, and line on the code.
     """
     heads, lines = _figure_lines(rows)
     for line, one in zip(lines, rows, strict=True):

@@ -1,4 +1,4 @@
-"""A search as a published table or a bar of ours describes it."""
+"""A search of a published table or a bar of ours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,10 +21,10 @@ STOPS: tuple[Stop, ...] = ("paper", "ours")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """What the world does. Levels are those that the paper gives, in dBm or dB."""
+    """The true world. Levels are in the paper's unit, dBm or dB."""
 
     level_1m_db: float
-    """Received 1 m from a tag, at boresight."""
+    """Level received 1 m from a tag, at boresight."""
     exponent: float
     sigma_db: float
     antenna: str = "yagi-2"
@@ -34,18 +34,18 @@ class Truth:
     """Levels below are not heard."""
     missed_share: float = 0.0
     chance_share: float = 0.0
-    """False pulses of any level, for each pulse that is due."""
+    """False pulses of any level, for each due pulse."""
     strangers: int = 0
-    """Interferers that are heard as the first tags, from places of their own."""
+    """Interferers received under the first tags' numbers, from places of their own."""
     level_spread_db: float = 0.0
     """Half-width of a uniform spread of the tags' own levels."""
     exponent_range: tuple[float, float] | None = None
-    """Drawn for each run; None: `exponent`."""
+    """Range of the exponent, drawn for each run; None: `exponent`."""
     walk_m_per_root_s: float = 0.0
     walk_speed_m_s: float = 0.0
-    """Of those tags that travel …"""
+    """Speed of the travelling tags."""
     travellers: int = 0
-    """… the first of all."""
+    """Number of travelling tags, the first of all."""
     vegetation_m: float = 0.0
     """Height of the plants above the tags (ITU-R P.833)."""
     ground: Ground | None = None
@@ -54,10 +54,10 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """What the searcher believes before: None is what is true."""
+    """The searcher's prior knowledge; None: the true value."""
 
     each: bool = False
-    """The strength of each tag and the exponent are known, whatever their spread."""
+    """True: the strength of each tag and the exponent are known."""
     level_sigma_db: float = 0.0
     level_drift_db_per_root_s: float = 0.0
     exponent_sigma: float = 0.0
@@ -68,7 +68,7 @@ class Known:
     missed_share: float | None = None
     chance_share: float | None = None
     map_of_heights: bool = False
-    """The searcher has a map of the ground, with a map's errors."""
+    """True: the searcher has a map of the ground, with usual errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,19 +77,19 @@ class Contender:
 
     planner: str
     filter: Literal["ours", "TrackerBots"] = "ours"
-    """TrackerBots' learns nothing from silence, and puts particles anywhere now and then."""
+    """TrackerBots' ignores silence, and sometimes places particles at random."""
     stop: Stop = "paper"
     easier: bool = False
-    """It flies the scenario's easier case, for comparison."""
+    """True: it flies the scenario's easier case, for comparison."""
     turn_s: float = 0.0
-    """Of the turn at each point, of Cliff's planner; 0: single pulses instead."""
+    """Duration of the turn at each point, of Cliff's planner; 0: single pulses instead."""
     drones: int = 1
     corners: bool = False
-    """Several drones start at several corners of the area, else all at one."""
+    """True: several drones start at several corners of the area, else all at one."""
 
     @property
     def as_drones(self) -> bool:
-        """Whether the drones' own program flies it: our planner with our stop rule."""
+        """True if the drones' own program flies it: our planner with our stop rule."""
         return self.planner == "mi_rate" and self.stop == "ours"
 
     def __str__(self) -> str:
@@ -103,7 +103,7 @@ class Contender:
 
 
 PUBLISHED = Contender(planner="renyi", filter="TrackerBots")
-"""What is published as TrackerBots: planner and filter."""
+"""Published planner and filter of TrackerBots."""
 THAN_PUBLISHED = "time over that of renyi"
 """Quantity: our time over that of `PUBLISHED`."""
 FASTER = "times as fast as one, {} drones"
@@ -115,7 +115,7 @@ FARTHEST = "straight to the farthest animal, mean, s"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """What is asked of our planner."""
+    """Requirement on our planner."""
 
     quantity: str
     most: float | None = None
@@ -137,9 +137,9 @@ class Scenario:
     paper_stop: StopRule
     our_stop: HonestStop
     places: tuple[tuple[float, float], ...] = ()
-    """Of the tags; empty: anywhere, drawn for each run."""
+    """Places of the tags; empty: anywhere, drawn for each run."""
     absent: int = 0
-    """Further tags that are searched for and are not there."""
+    """Number of searched tags that are absent."""
     known: Known = field(default_factory=Known)
     start_m: tuple[float, float] = (0.0, 0.0)
     start_yaw_deg: float = 0.0
@@ -149,14 +149,14 @@ class Scenario:
     stops_each_cycle: bool = False
     keep_away: KeepAway | None = None
     limit_s: int = 1800
-    """The battery of the table; a run that is not done by then has failed."""
+    """Battery time of the table; runs without success by then have failed."""
     easier: "Scenario | None" = None
-    """The same without what makes it hard: what ours is compared with."""
+    """The same with a simplification, for comparison."""
     bars: tuple[Bar, ...] = ()
     contenders: tuple[Contender, ...] = ()
     baseline_share: float = 0.12
-    """Runs of a baseline over ours: they take long."""
+    """Runs of a baseline per run of ours, since they take long."""
 
     def asks(self, quantity: str) -> bool:
-        """Whether a bar is of this quantity."""
+        """True if a bar is of this quantity."""
         return any(bar.quantity == quantity for bar in self.bars)

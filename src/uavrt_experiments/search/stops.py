@@ -1,4 +1,4 @@
-"""Rules by which the published searches call a tag found."""
+"""Stop rules of the published searches."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class DeterminantStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Half the logarithm of what the determinant is too large by."""
+        """Half the logarithm of the factor by which the determinant is too large."""
         ratio = belief.spread().determinant_m4 / self.limit_m4
         return float(max(0.3, 0.5 * np.log(max(ratio, 1e-9))))
 
@@ -39,5 +39,5 @@ class LongestAxisStop:
         return Verdict(found=got < self.limit_m, reason=f"{got:.0f} m of {self.limit_m:.0f}")
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Twice the logarithm of what it is too long by."""
+        """Twice the logarithm of the factor by which it is too long."""
         return float(max(0.3, 2.0 * np.log(belief.spread().major_sigma_m / self.limit_m)))

@@ -75,7 +75,7 @@ def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
 
 
 def honesty(tables: Sequence[Flown]) -> list[Row]:
-    """Rows on the declared circles of all runs of ours with our stop rule.
+    """Rows on the coverage of the declared circles of all runs of ours with our stop rule.
 
     `tables`: of all scenarios.
     """
@@ -100,17 +100,16 @@ def honesty(tables: Sequence[Flown]) -> list[Row]:
 
 
 def _held(judged: Sequence[Judged]) -> list[float]:
-    """Whether the declared circle holds each tag that is there."""
+    """For each present tag, True if the declared circle holds it."""
     return [float(j.error_m <= j.radius95_m) for j in judged if j.error_m is not None]
 
 
 def _false(judged: Sequence[Judged]) -> list[float]:
-    """Whether each is none, or far from where it was said to be."""
+    """For each tag, True if it is absent, or far from its reported place."""
     return [float(j.error_m is None or j.error_m > 3.0 * j.radius95_m) for j in judged]
 
 
 def _bar(scenario: Scenario, one: Flown, quantity: str) -> Bar:
-    """The bar of a quantity, for our planner alone."""
     if one.contender.planner == "mi_rate" and not one.contender.easier:
         for bar in scenario.bars:
             if bar.quantity == quantity:
@@ -170,7 +169,7 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
 
 
 def _bounds(runs: Sequence[Outcome]) -> dict[str, float]:
-    """What no search could do better, by quantity; those that are not known are left out."""
+    """Bounds of any search, by quantity; unknown ones are left out."""
     least = [run.least_time_s for run in runs if run.least_time_s is not None]
     known = [j.information for run in runs for j in run.judged if j.information is not None]
     bounds = {}
@@ -190,7 +189,7 @@ def _bounds(runs: Sequence[Outcome]) -> dict[str, float]:
 
 
 def _farthest_s(scenario: Scenario, one: Flown, run: Outcome) -> float:
-    """Time to the animal that is farthest from all starts, by whoever is nearest to it."""
+    """Time of the nearest drone to the animal that is farthest from all starts."""
     starts = starts_of(scenario, one.contender).values()
     return (
         max(
@@ -202,12 +201,12 @@ def _farthest_s(scenario: Scenario, one: Flown, run: Outcome) -> float:
 
 
 def _ratio(scenario: Scenario, quantity: str, ours: Flown, theirs: Flown) -> Row:
-    """Time of ours over theirs on the same seeds."""
+    """Ratio of our time to theirs on the same seeds."""
     return _quotient(scenario, quantity, ours, (ours, theirs), _time_s)
 
 
 def _than_one(scenario: Scenario, several: Flown, alone: Flown) -> list[Row]:
-    """How much faster several drones are, and whether as exact, on the same seeds."""
+    """Speed and accuracy of several drones relative to one, on the same seeds."""
     faster = FASTER.format(several.contender.drones)
     return [
         _quotient(scenario, faster, several, (alone, several), _time_s),
@@ -230,7 +229,7 @@ def _quotient(
     over: tuple[Flown, Flown],
     of: Callable[[Outcome], float],
 ) -> Row:
-    """Sum of something over all runs of one, over that of another on the same seeds."""
+    """Ratio of a sum over all runs of one to that of another on the same seeds."""
     top, bottom = ({run.seed: of(run) for run in one.outcomes} for one in over)
     pairs = [(top[seed], bottom[seed]) for seed in top if seed in bottom]
     numbers = np.arange(len(pairs), dtype=np.float64)
@@ -255,10 +254,10 @@ def _quotient(
 def asked_and_reached(
     scenario: Scenario, rows: Sequence[Row], cell: Callable[[Row], str]
 ) -> tuple[list[str], list[list[str]]]:
-    """Headings, and lines of text: what is asked, then one for each contender.
+    """Headings, and lines of text: the bars, then one for each contender.
 
-    Columns are the bar, next to it what no search could do better, whether all was
-    found, and in how many runs it was not.
+    Columns are the bar, next to it the bound of any search, the success, and the number of
+    failed runs.
     """
     bars = {one.quantity: one for one in rows if one.barred}
     quantities = [bar.quantity for bar in scenario.bars]
@@ -266,7 +265,7 @@ def asked_and_reached(
     bounded = {one.quantity for one in rows if one.bound is not None}
     asked = [(bars[q].bar if q in bars else "", "") for q in quantities]
     heads = [(q, "bound") for q in quantities]
-    lines = [["asked", *_beside(asked, quantities, bounded), ""]]
+    lines = [["asked", *_with_bounds(asked, quantities, bounded), ""]]
     for case in dict.fromkeys(one.case for one in rows):
         own = {one.quantity: one for one in rows if one.case == case}
         found = own[_COMPLETE]
@@ -275,14 +274,16 @@ def asked_and_reached(
             (cell(own[one]), _bound_text(own[one])) if one in own else ("", "")
             for one in quantities
         ]
-        lines.append([case, *_beside(cells, quantities, bounded), f"{failed} of {found.n}"])
-    return ["", *_beside(heads, quantities, bounded), "runs failed"], lines
+        lines.append(
+            [case, *_with_bounds(cells, quantities, bounded), f"{failed} of {found.n}"]
+        )
+    return ["", *_with_bounds(heads, quantities, bounded), "runs failed"], lines
 
 
-def _beside(
+def _with_bounds(
     cells: Sequence[tuple[str, str]], quantities: Sequence[str], bounded: set[str]
 ) -> list[str]:
-    """Cells of figures, each with that of its bound where the quantity has any."""
+    """Cells of figures, each with its bound where the quantity has one."""
     return [
         text
         for pair, quantity in zip(cells, quantities, strict=True)
@@ -295,9 +296,9 @@ def _bound_text(one: Row) -> str:
 
 
 def section(scenario: Scenario, rows: Sequence[Row]) -> str:
-    """Draw the rows of a scenario for a terminal: a line for each contender.
+    """Rows of a scenario for a terminal: a line for each contender.
 
-    Every other figure is for the file.
+    All other figures are in the file.
     """
     names, lines = asked_and_reached(scenario, rows, figure_text)
     heads = [textwrap.wrap(one, _HEAD_WIDTH) for one in names]

@@ -1,4 +1,4 @@
-"""Hills of our own: the height models of the papers are not to be had."""
+"""Artificial hills: the height models of the papers are not available."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _MAP_ERROR_M = 3.0
 class Hills:
     """A sum of waves in all directions, drawn from a seed.
 
-    `relief_m`: from the lowest valley to the highest top, roughly.
+    `relief_m`: approximate height from the lowest valley to the highest top.
     `lengths_m`: shortest and longest wave.
     """
 
@@ -76,7 +76,7 @@ def mapped(
     tag_m: float,
     frequency_hz: float,
 ) -> HillLosses:
-    """What a searcher's map makes of hills: a height every 30 m, each somewhat wrong.
+    """A searcher's map of hills: a height every 30 m, each with an error.
 
     `ground`: heights of places, east and north.
     `east_m`, `north_m`: size of the area, from the origin.

@@ -1,8 +1,8 @@
-"""The world of a search: where the tags are, and what the drone hears.
+"""The world of a search: places of the tags, and the drone's received pulses.
 
-Nothing of it is taken from the filters: levels are computed from each path again. What is
-drawn depends on the run's seed and the second alone, so that all planners see the same animals
-and the same fading.
+It uses no code of the filters: levels are computed separately from each path. Random draws
+depend on the run's seed and the second alone, so that all planners see the same animals and the
+same fading.
 """
 
 import math
@@ -20,18 +20,18 @@ FREQUENCY_HZ = 150e6
 _FREQUENCY_GHZ = 0.15
 _LIGHT_M_S = 299_792_458.0
 _CLUTTER_DB = (-100.0, 20.0)
-"""False pulses have any level between these."""
+"""Range of false pulses' levels."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """What came of one tag in one second."""
+    """Received level of one tag in one second."""
 
     tag_id: int
     level_db: float | None
-    """None: nothing."""
+    """None: nothing received."""
 
 
 class World:
@@ -69,20 +69,20 @@ class World:
 
     @property
     def tag_ids(self) -> list[int]:
-        """Of those that are there and those that are not."""
+        """Present and absent tags."""
         return list(range(1, self._scenario.tags + self._scenario.absent + 1))
 
     def exists(self, tag_id: int) -> bool:
-        """Whether there is such a tag."""
+        """True if the tag is present."""
         return tag_id <= self._scenario.tags
 
     def step(self, second: int, state: VehicleState) -> list[Heard]:
-        """Let a second pass; what the drone hears then and there."""
+        """Advance by a second; returns the drone's received pulses."""
         self.advance(second)
         return self.heard(second, state)
 
     def advance(self, second: int) -> None:
-        """Let a second pass."""
+        """Advance by a second."""
         scenario, truth = self._scenario, self._scenario.truth
         steps = np.random.default_rng((self._seed, 1, second)).normal(size=(scenario.tags, 2))
         walkers = np.arange(scenario.tags) >= truth.travellers
@@ -91,7 +91,7 @@ class World:
         self._turn_back()
 
     def heard(self, second: int, state: VehicleState, drone: int = 0) -> list[Heard]:
-        """What a drone hears; each has a fading, misses and false pulses of its own."""
+        """Received pulses of a drone; each has its own fading, misses and false pulses."""
         scenario, truth = self._scenario, self._scenario.truth
         own = (drone,) if drone else ()
         rng = np.random.default_rng((self._seed, 1, second, *own))
@@ -122,7 +122,7 @@ class World:
         return out
 
     def _turn_back(self) -> None:
-        """Travellers stay in the area."""
+        """Keep travellers in the area."""
         size = np.array([self._scenario.east_m, self._scenario.north_m])
         beyond = ((self.places_m < 0.0) & (self._velocity < 0.0)) | (
             (self.places_m > size) & (self._velocity > 0.0)
@@ -188,7 +188,7 @@ def _two_ray_db(flat_m: float, height_m: float, tag_m: float) -> float:
 
 
 def _vegetation_db(flat_m: float, height_m: float, grown_m: float) -> float:
-    """Loss [dB] in plants of that height: 0.25 f^.39 depth^.25 elevation^.05 (ITU-R P.833)."""
+    """Loss [dB] in plants: 0.25 f^.39 depth^.25 elevation^.05 (ITU-R P.833)."""
     elevation = math.atan2(height_m, max(flat_m, 1e-6))
     depth = min(grown_m / max(math.sin(elevation), 1e-3), 400.0)
     return float(0.25 * 150.0**0.39 * depth**0.25 * math.degrees(elevation) ** 0.05)

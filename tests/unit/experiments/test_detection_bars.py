@@ -277,7 +277,7 @@ def _fitted(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def test_flights_that_differ_widen_the_interval_of_a_recall() -> None:
-    share, (low, high) = share_by_flight([95, 94, 40, 95], [95, 95, 95, 95])
+    share, low, high = share_by_flight([95, 94, 40, 95], [95, 95, 95, 95])
     assert share == pytest.approx(0.8526, abs=1e-3)
     narrow = wilson_interval(324, 380)
     assert low < narrow[0] < narrow[1] < high

@@ -96,7 +96,6 @@ def _points(found: list[tuple[Point, Properties]]) -> list[Shape]:
 
 
 def _ways(survey: Survey) -> list[Shape]:
-    """Lines of the paths of tags that moved."""
     ways = [(way_of(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
     return [(split_at_date_line(way), facts) for way, facts in ways if len(way) > 1]
 

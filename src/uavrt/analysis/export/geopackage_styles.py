@@ -40,7 +40,6 @@ _TIMED = (
     "tag_tracks",
     "marks",
 )
-"""Layers with a ``time`` column."""
 
 
 def add_style(database: sqlite3.Connection, table: str, kind: str) -> None:
@@ -64,7 +63,7 @@ def qml(table: str, kind: str) -> str:
     colours = {"line_color": colour} if kind == "LINESTRING" else {"color": colour}
     if kind == "POLYGON":
         colours["outline_color"] = ",".join([*colour.split(",")[:3], "255"])
-    options = "".join(
+    items = "".join(
         f'<Option type="QString" name={quoteattr(name)} value={quoteattr(value)}/>'
         for name, value in {**colours, **options}.items()
     )
@@ -80,7 +79,7 @@ def qml(table: str, kind: str) -> str:
         '<qgis version="3.22" styleCategories="Symbology|Temporal">'
         f'{temporal}<renderer-v2 type="singleSymbol"><symbols>'
         f'<symbol type="{symbol}" name="0" alpha="1"><layer class="{layer}" enabled="1">'
-        f'<Option type="Map">{options}</Option></layer></symbol></symbols></renderer-v2></qgis>'
+        f'<Option type="Map">{items}</Option></layer></symbol></symbols></renderer-v2></qgis>'
     )
 
 

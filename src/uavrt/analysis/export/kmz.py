@@ -152,7 +152,6 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
 
 
 def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
-    """Folder with the places of a tag by the whole flight, and the 95 % region."""
     for place, properties in integrated_places(survey):
         if properties["tag_id"] == tag_id:
             percent = 100.0 * (properties["probability"] or 0.0)
@@ -167,7 +166,6 @@ def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
 
 
 def _way(folder: ET.Element, name: str, position: Position) -> None:
-    """Path of a moving tag, with times."""
     if len(position.track) < 2:
         return
     inner = ET.SubElement(folder, "Folder")

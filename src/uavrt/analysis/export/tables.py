@@ -240,7 +240,6 @@ def _animal(survey: Survey, tag_id: int) -> str:
 
 
 def _without_empty(names: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
-    """Table without its empty columns; all columns when there is no row."""
     kept = [name for name in names if not rows or any(row[name] != "" for row in rows)]
     return _csv(kept, ([row[name] for name in kept] for row in rows))
 

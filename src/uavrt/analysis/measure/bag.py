@@ -162,7 +162,6 @@ def _register(writer: Any, topic: str, message: type[RosMessage]) -> int:
 
 
 def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
-    """The orders that started the flight: its tags, and the start."""
     start_ns = info.start_time_ns
     for tag in info.tags:
         if tag.coded:
@@ -204,7 +203,6 @@ def _pulses(
 
 
 def _heartbeats(directory: Path, info: FlightInfo) -> Iterator[Entry]:
-    """Heartbeats for searches without a detection."""
     for report in read_search_reports(directory):
         path = _tag_directory(info, report.tag_id)
         beat = heartbeat(report.tag_id, report.time_ns, path)
@@ -235,7 +233,6 @@ def _tag_directory(info: FlightInfo, tag_id: int) -> str:
 
 
 def _metadata(file: str, counts: Counter[str], first_ns: int, last_ns: int) -> str:
-    """Write rosbag2's description of the directory; JSON is YAML."""
     total = sum(counts.values())
     start = {"nanoseconds_since_epoch": first_ns}
     duration = {"nanoseconds": last_ns - first_ns}

@@ -163,7 +163,6 @@ class BurstPulses:
             self._push(self._cells)
 
     def _push(self, cells: Cells) -> None:
-        """Transform a second of samples, or the remainder."""
         if count := cells.push(self._held[: round(self._rate_hz)]):
             energy = cells.recent[:, -count:]
             most = energy.max(axis=0)

@@ -40,7 +40,6 @@ class PulseWindow:
     apart_hz: float
     """Frequency of this burst in the first pass, relative to the tag's frequency."""
     burst: int
-    """Number of the burst."""
 
 
 def measure_pulses(
@@ -161,7 +160,6 @@ def _rate(times_s: NDArray[np.float64], interval_s: float, start_ns: int) -> Mea
 
 
 def _joined(first: MeasuredRate, second: MeasuredRate) -> MeasuredRate:
-    """Join two stretches of the same rate, weighted by their precision."""
     weights = [1.0 / one.interval_sigma_s**2 for one in (first, second)]
     total = sum(weights)
     both = (first, second)
@@ -189,7 +187,6 @@ def _agree(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _middle(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Median, and its standard deviation."""
     center = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - center)))
     return center, 1.2533 * spread / math.sqrt(values.size)

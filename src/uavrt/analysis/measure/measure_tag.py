@@ -195,7 +195,6 @@ def _in_bursts(tag: MeasuredTag, codes: Sequence[MeasuredCode]) -> bool:
 def _measured(
     train: Train, windows: Sequence[PulseWindow], center_hz: float
 ) -> MeasuredTag | str:
-    """Measure a train's pulses; a doubtful train has a reason instead."""
     if len(windows) < FEWEST:
         return "its pulses are cut off by gaps or by the recording's ends"
     tag = measure_pulses(train.beats, windows, center_hz + train.frequency_hz)
@@ -300,8 +299,6 @@ def _cut(
 
 
 class _Cutter:
-    """Cuts the windows of one tag out of the samples of its channel."""
-
     def __init__(
         self, train: Train, frequency_hz: float, rate_hz: float, start_ns: int
     ) -> None:

@@ -21,7 +21,6 @@ class MeasuredRate:
     """Standard deviation of a pulse about the regular beat, including measurement error."""
     largest_deviation_s: float
     drift: float
-    """Relative change of the interval from pulse to pulse."""
     drift_sigma: float
     pulses: int
     missing: int

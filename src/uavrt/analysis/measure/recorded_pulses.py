@@ -229,7 +229,6 @@ class DetectionSummary:
     stopped: bool = False
     """True when it was stopped before the end."""
     pulses: dict[int, int] = field(default_factory=dict)
-    """Number of pulses by tag."""
     confirmed: dict[int, int] = field(default_factory=dict)
     ambiguous: dict[int, int] = field(default_factory=dict)
     """Confirmed pulses that may be of another listed tag, by tag."""
@@ -240,9 +239,7 @@ class DetectionSummary:
     clipped_share: float = 0.0
     """Share of the time in which the converter was at its limits."""
     input_faults: list[str] = field(default_factory=list)
-    """Problems of the input samples."""
     searched: dict[int, "Searched"] = field(default_factory=dict)
-    """Search conditions by tag."""
 
     @property
     def times_real_time(self) -> float:

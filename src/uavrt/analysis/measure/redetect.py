@@ -95,7 +95,6 @@ class FlightWriter:
             self.directory.rmdir()
 
     def _copy(self, flight: Flight) -> None:
-        """Copy the flight's other records."""
         for first in range(0, len(flight.poses), 1000):
             self._recorder.write_poses(Poses(poses=flight.poses[first : first + 1000]))
             self._recorder.commit()
@@ -128,7 +127,6 @@ def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
 
 
 def _with_search(settings: Settings, searched: DetectionSettings) -> Settings:
-    """The flight's settings with those of the new search."""
     detection = replace(
         settings.detection,
         frequency_window_hz=searched.frequency_window_hz,

@@ -15,9 +15,7 @@ Point = tuple[float, float]
 """Longitude, latitude [deg], the order of GeoJSON."""
 
 RAY_M = 1500.0
-"""Length of a bearing line whose tag has no position [m]."""
 REGION_SHARES = (50, 95)
-"""Probabilities of a position's regions [%]."""
 _STEP_DEG = 5.0
 
 

@@ -200,7 +200,6 @@ def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
 
 
 def _by_place(measured: Sequence[_Measured]) -> Iterator[list[_Measured]]:
-    """Consecutive pulses received within some metres."""
     group: list[_Measured] = []
     plane: TangentPlane | None = None
     for one in measured:

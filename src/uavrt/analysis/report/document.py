@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.93, 0.95, 0.06
 _WIDTH_IN = (_RIGHT - _LEFT) * A4_IN[0]
 _BETWEEN_IN = 0.06
-"""Space between columns of a table."""
 _LINE = 0.0155
 """Line height of 9-point text, with spacing, as a share of the page's height."""
 
@@ -56,8 +55,6 @@ def pdf_document(survey: Survey) -> bytes:
 
 
 class _Book:
-    """Pages of the PDF, in order."""
-
     def __init__(self, pages: "PdfPages", survey: Survey) -> None:
         self._pages = pages
         self._survey = survey
@@ -212,7 +209,6 @@ class _Writer:
 
     @property
     def left(self) -> float:
-        """Room left on the page, as a share of its height."""
         return self.top - _BOTTOM
 
     def text(

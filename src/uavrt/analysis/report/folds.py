@@ -22,7 +22,6 @@ CAPTION = (
     "figure is not to be believed either."
 )
 _LOWEST, _HIGHEST = -2.0, 6.0
-"""Range of the color scale [standard deviations]."""
 
 
 def draw_fold(target: "FigureBase", fold: "FlightFold", color: str) -> None:

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
 COLUMNS = 2
-"""Number of maps in a row."""
 PER_PAGE = 6
 
 

@@ -258,7 +258,6 @@ def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None
 
 
 def _hindsight_places(survey: Survey, tag_id: int) -> list[Point]:
-    """Places by a whole flight; none where only a direction is known."""
     verdict = survey.verdict_of(tag_id)
     parts = () if verdict is None else verdict.parts
     return [
@@ -267,7 +266,6 @@ def _hindsight_places(survey: Survey, tag_id: int) -> list[Point]:
 
 
 def _heat(chart: LocalMap, position: Position) -> None:
-    """Shade the regions that hold the tag with rising probability."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

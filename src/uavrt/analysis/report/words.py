@@ -22,7 +22,6 @@ from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 Table = tuple[list[str], list[list[str]]]
-"""Names of the columns, rows."""
 
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
@@ -88,7 +87,6 @@ class Finding:
     tag_id: int
     title: str
     place: str | None
-    """Coordinates; None when there is no position."""
     detail: str
 
 
@@ -150,7 +148,6 @@ def _what(survey: Survey, tag_id: int) -> str:
 
 
 def _remarks(verdict: IntegratedVerdict) -> list[str]:
-    """Limitations of a verdict, as a sentence."""
     text = verdict.remarks
     return [f"{text[:1].upper()}{text[1:]}."] if text else []
 
@@ -356,7 +353,6 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
 
 
 def _way(survey: Survey, position: Position) -> list[str]:
-    """First and intermediate places of a moving tag."""
     if len(position.track) < 2:
         return []
     places = [
@@ -369,7 +365,6 @@ def _way(survey: Survey, position: Position) -> list[str]:
 
 
 def _caveat(survey: Survey, tag_id: int) -> str:
-    """Caveats of a position that come from its bearings."""
     bearings = survey.bearings_of(tag_id)
     doubts = Counter(text for one in bearings for text in one.bearing.remarks)
     many = _count(len(bearings), "bearing")

@@ -210,8 +210,6 @@ def _sigma_s(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _HeardOnWay:
-    """Pulses of a tag, with the antenna's places and directions."""
-
     east_m: _Floats
     north_m: _Floats
     yaw_deg: _Floats
@@ -250,8 +248,6 @@ class _HeardOnWay:
 
 
 class _Common:
-    """Both logs as arrays on one clock."""
-
     def __init__(self, pulse_poses: Sequence[PulsePose], track: VehicleTrack) -> None:
         known = [one for one in pulse_poses if np.isfinite(one.pulse.snr_db)]
         base_ns = known[0].pulse.start_time_ns if known else 0
@@ -416,7 +412,6 @@ class _Common:
         return inside if np.count_nonzero(inside) >= self._least_covered else None
 
     def covered(self, offset_s: float, *, posed: bool) -> NDArray[np.bool_]:
-        """Mask of pulses within the track's times."""
         return self._between(self._posed_s if posed else self.time_s, offset_s)
 
     def _between(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_]:

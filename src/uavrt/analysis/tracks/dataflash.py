@@ -51,7 +51,6 @@ _LEAP_S = 18
 _WANTED = frozenset({"ATT", "POS", "GPS", "EV"})
 _ARMED = {10: True, 11: False}
 _LANDED = {18: True, 28: False}
-"""`LogEvent` of ArduPilot."""
 
 _Row = dict[str, float]
 
@@ -87,7 +86,6 @@ def read_dataflash(path: Path) -> VehicleTrack:
 def _states(
     rows: list[_Row], states: Mapping[int, bool], offset_ns: int
 ) -> list[tuple[int, bool]]:
-    """Times [ns] and states of some events."""
     return [
         (offset_ns + round(row["TimeUS"] * 1e3), states[int(row["Id"])])
         for row in rows

@@ -43,7 +43,6 @@ class _Log:
         self.gps_offset_ns: int | None = None
 
     def take(self, frame: Frame, stamp_us: int) -> None:
-        """Handle one frame of the vehicle."""
         message = frame.message()
         if isinstance(message, dialect.Heartbeat) and frame.component_id == 1:
             self.system_id = self.system_id or frame.system_id

@@ -33,7 +33,6 @@ _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
 """Most damaged bytes, or pieces of 512 bytes searched for the next mark."""
 _ARMED = 2
-"""`vehicle_status.arming_state`."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
@@ -137,10 +136,10 @@ def _check_formats(file: BinaryIO) -> None:
             break
         body = file.read(int.from_bytes(head[:2], "little"))
         if head[2:] == b"F":
-            name, _, fields = body.decode("ascii", "replace").partition(":")
+            name, _, listed = body.decode("ascii", "replace").partition(":")
             fields[name] = [
                 (kind, min(int(count or 1), _MOST_FIELDS))
-                for kind, count in _FIELD.findall(fields)
+                for kind, count in _FIELD.findall(listed)
             ]
     file.seek(0)
 

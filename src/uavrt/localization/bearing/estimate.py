@@ -219,8 +219,6 @@ def _classic(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Heard:
-    """Input of the classic methods."""
-
     yaw_deg: _Floats
     power: _Floats
     noise: _Floats

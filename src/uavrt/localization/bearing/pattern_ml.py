@@ -76,8 +76,6 @@ def pattern_ml(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Turn:
-    """Input of `pattern_ml` for a turn."""
-
     headings: Headings
     matched_power: NDArray[np.float64]
     missed_below: NDArray[np.float64]

@@ -273,7 +273,6 @@ def _cut_at_paths(
 
 
 def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of each stop."""
     stops: list[tuple[int, int]] = []
     start = 0
     for index in range(1, len(yaw) + 1):

@@ -23,7 +23,6 @@ log-likelihood (places,)."""
 FIRST_CELLS = 36
 """Cells along the longer side before any is quartered."""
 HELD = 6e-4
-"""Probability above which a cell is quartered."""
 _HELD_ROUGH = 2e-6
 """Probability above which a cell is quartered if its density varies by `_ROUGH_NATS`: a narrow
 peak may be hidden in it."""
@@ -35,7 +34,6 @@ _OVERLOOKED_NATS = 7.0
 _EDGE_SHARE = 0.005
 """Probability of the outermost cells above which the area cuts the posterior."""
 _LEAST_WIDTH_M = 0.1
-"""Least width of cells that are quartered."""
 _ROUNDS = 18
 _MAP_SHARE = 0.999
 """Least probability that the map covers; the rest is spread too wide."""
@@ -75,7 +73,6 @@ class Cells:
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
-    """True if the search area cuts the probability."""
     rough: NDArray[np.bool_]
     """(n,) True where the density may vary by more than `_ROUGH_NATS` in a cell."""
 

@@ -45,7 +45,6 @@ class Known:
     unusual: frozenset[Explanation]
     height_sigma_m: float
     hills: HillLosses | None = None
-    """Ground around the flight; None is level."""
 
 
 class Model:
@@ -274,7 +273,6 @@ def _length_m(east_m: _Floats, north_m: _Floats) -> float:
 
 
 def _area(tracks: list[tuple[_Floats, _Floats]], margin_m: float) -> Area:
-    """Rectangle around some tracks, with a margin."""
     east = np.concatenate([one[0] for one in tracks])
     north = np.concatenate([one[1] for one in tracks])
     return Area(

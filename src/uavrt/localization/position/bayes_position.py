@@ -108,7 +108,6 @@ def bayes_position(
 
 
 def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
-    """Cautions on gaps of the elevation files."""
     notes = () if known.hills is None else known.hills.cautions()
     return tuple(Caution(name="ground", text=text) for text in notes)
 
@@ -186,7 +185,6 @@ class _Agreement:
     found: tuple[tuple[float, Fit], ...] = ()
     """All explanations with their probabilities, that of a resting tag first."""
     reported: Fit | None = None
-    """The reported explanation; None where there is none."""
     unchecked: tuple[Caution, ...] = ()
     """Why a common error cannot be checked."""
 
@@ -201,7 +199,6 @@ class _Agreement:
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
     def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
-        """Cautions on the bearings."""
         outliers = () if doubts is None else doubts.outlier_probabilities
         if self.reported is None:
             return cautions_of_outliers(outliers) + self.unchecked
@@ -284,7 +281,6 @@ class _Mixture:
 
     resting: LogLikelihood
     log_evidence: float
-    """Evidence for the resting tag."""
     others: tuple[tuple[float, Fit], ...]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:

@@ -143,7 +143,6 @@ class Doubts:
     """Mean and standard deviation of the common error of all headings."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
-    """Outlier probability of each bearing."""
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:

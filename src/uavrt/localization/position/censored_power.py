@@ -32,7 +32,6 @@ _TOGETHER = 12_000
 """Numbers computed at once: about a tenth of the processor's cache."""
 
 _STRETCHES = (8, 16, 32)
-"""Pulses of a stretch."""
 _LEAST_STRETCHES = 5
 """Least number of stretches that shows the scatter of their means."""
 _MOST_CORRELATION = 0.98

@@ -114,7 +114,6 @@ def _walk(model: Model, powers: PowerTrack) -> SurveyWalk | None:
 
 
 def _ended(position: Position, way: tuple[TrackPoint, ...]) -> Position:
-    """The position at the end of a path; regions are the path's circles."""
     if not way:
         return position
     last = way[-1]

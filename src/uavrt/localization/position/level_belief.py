@@ -134,7 +134,6 @@ class Behind:
     rise_m: _Floats
     """Height of the ground over that at the take-off."""
     lost_db: _Floats
-    """Loss by the map."""
     doubtful_db: _Floats
     """Additional loss for an error of 1."""
 

@@ -77,10 +77,8 @@ class PowerFit:
     """Level and path loss at each place."""
 
     log_likelihood: _Floats
-    """(places,)."""
     level_db: _Floats
     exponent: _Floats
-    """(places,) path loss exponent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +88,6 @@ class Seen:
     east_m: _Reals
     north_m: _Reals
     square_m2: _Reals
-    """Squared distance on the ground."""
     log_square: _Reals
     rise_m: _Reals | None = None
     """(places, 1) height of the ground over that at the take-off; None is level."""
@@ -371,6 +368,5 @@ class _Sums:
         )
 
     def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:
-        """(places,) level and exponent."""
         level, exponent, _, _ = self._regressed(rho)
         return level, exponent

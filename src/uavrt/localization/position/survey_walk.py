@@ -99,8 +99,6 @@ class _Moved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Peak:
-    """Best point of a grid, and the grid's evidence."""
-
     score: float
     velocity: tuple[float, float]
     place: tuple[float, float]

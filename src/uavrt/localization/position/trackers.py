@@ -64,7 +64,6 @@ class TagPrior:
     """Prior knowledge before the flight."""
 
     area: Area
-    """Area that contains the tag."""
     level_db: float = 45.0
     """SNR at 100 m: a 20 ms collar heard at 9 dB from 3 km, n = 2.5."""
     level_sigma_db: float = 12.0
@@ -82,7 +81,6 @@ class TagPrior:
     motion: tuple[float, float, float] = (0.5, 0.25, 0.25)
     """Shares of the time that such an animal rests, browses, travels."""
     exponent: float = 2.5
-    """Path loss exponent."""
     exponent_sigma: float = 0.5
     """0: the exponent is known, as is the strength with a `level_sigma_db` of 0."""
     missed_share: float = BY_CHANCE
@@ -182,8 +180,6 @@ class Spread:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Particles:
-    """Hypotheses of a tag's place, motion and strength."""
-
     east_m: _Singles
     north_m: _Singles
     east_m_s: _Singles
@@ -614,7 +610,6 @@ class ParticleTracker:
             self._spread_out()
 
     def _spread_out(self) -> None:
-        """Resample where few hypotheses hold nearly all of the weight."""
         if 1.0 / float(self._weight @ self._weight) < self._count / 2:
             self._state = self._resampled(self._count)
             self._even()

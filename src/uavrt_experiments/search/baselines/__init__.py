@@ -1,1 +1,1 @@
-"""Planners that were published, and simple ones, to compare ours with."""
+"""Published and simple planners, for comparison."""

@@ -1,4 +1,4 @@
-"""ConservationBots: move and listen, or move and turn, whichever gains more on the nearest tag.
+"""ConservationBots: move and listen, or move and turn, for the largest gain on the nearest tag.
 
 Measurements are those of the mean hypothesis without noise (predicted ideal measurements).
 """
@@ -80,7 +80,7 @@ class ConservationBots:
         )
 
     def _rollout(self, situation: Situation, east_m: _Floats, north_m: _Floats) -> Legs:
-        """Pulses of each action: along the long ways, and turning at the short ones' ends."""
+        """Pulses of each action: along the long paths, and turning at the short ones' ends."""
         long = pulses_along(situation, east_m[:8], north_m[:8], self._cycle_s)
         samples = long.time_s.shape[1]
         turns = [

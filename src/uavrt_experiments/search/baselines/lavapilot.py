@@ -1,4 +1,4 @@
-"""LAVAPilot: straight to the tag that is known best, or past the circles around animals."""
+"""LAVAPilot: straight to the best-known tag, or past the circles around animals."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from uavrt.planning.situation import Candidate, Decision, Situation
 
 
 class LavaPilot:
-    """The tag with the smallest cloud first; of three ways the one that disturbs least.
+    """The tag with the smallest cloud first; of three paths the one that disturbs least.
 
-    `circle_m`: radius that it aims at where no rule of keeping away is given.
+    `circle_m`: target radius where no distance to keep is given.
     """
 
     def __init__(self, circle_m: float = 0.0) -> None:

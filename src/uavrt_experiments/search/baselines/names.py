@@ -22,5 +22,5 @@ BASELINES: dict[str, Callable[[], Planner]] = {
 
 
 def any_planner(name: str) -> Planner:
-    """A new planner of that name: a baseline, ours, or one of another package."""
+    """New planner of that name: a baseline, ours, or one of another package."""
     return BASELINES[name]() if name in BASELINES else planner_named(name)

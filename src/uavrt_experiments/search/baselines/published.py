@@ -1,4 +1,4 @@
-"""Planners that were published, as they were published: Cliff, TrackerBots."""
+"""Published planners in their published form: Cliff, TrackerBots."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,7 @@ class Renyi:
         )
 
     def _goes_on(self, situation: Situation, begun: FlyTo, step_m: float) -> bool:
-        """Whether less than half of a step is flown, and the rest may be."""
+        """True if less than half of a step is flown, and the rest is allowed."""
         state = situation.state
         left = np.hypot(begun.east_m - state.east_m, begun.north_m - state.north_m)
         ahead = checked(situation, np.array([begun.east_m]), np.array([begun.north_m]))
@@ -81,7 +81,7 @@ class Renyi:
         return vehicle.along(state, east, north, situation.wind, times)
 
     def _facing(self, situation: Situation, ways: Ways) -> NDArray[np.intp]:
-        """Those allowed ways along which the antenna looks at the tags best."""
+        """Allowed paths with the greatest antenna gain towards the tags."""
         allowed = np.flatnonzero(ways.allowed)
         state = situation.state
         gain = np.zeros(len(ways.east_m))

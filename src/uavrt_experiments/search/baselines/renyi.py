@@ -1,4 +1,4 @@
-"""Rényi information of measurements along a way (TrackerBots)."""
+"""Rényi information of measurements along a path (TrackerBots)."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Planners that look at no belief: lines over the area, and turns at points of a grid."""
+"""Planners without a belief: lines over the area, and turns at points of a grid."""
 
 from collections.abc import Callable, Iterator
 from itertools import cycle
@@ -38,7 +38,7 @@ class Lawnmower:
         )
 
     def _next(self, situation: Situation) -> tuple[float, float]:
-        """The corner that is flown to, or the next one when it is reached and may be flown."""
+        """The present corner, or the next allowed one when it is reached."""
         state = situation.state
         assert self._corners is not None
         for _ in range(1000):
