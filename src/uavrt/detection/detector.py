@@ -336,7 +336,9 @@ class PulseDetector:
         """Clean the samples up to an index."""
         renew = self._advances % 6 == 1 or self.band.leveller.unsteady
         self._cleaner.clean(self._buffer, self._clean, upto, renew=renew)
-        self.band.note_lines(many=self._cleaner.many_lines)
+        self.band.note_cleaning(
+            many_lines=self._cleaner.many_lines, whitened=self._cleaner.whitening
+        )
         self._advances += 1
         self._refiner.upto = upto
         self._clean = upto

@@ -76,8 +76,7 @@ class Cleaner:
     @property
     def margin(self) -> int:
         """Samples that must be there beyond a stretch."""
-        whitener = self._whitener
-        ahead = whitener.reach if whitener is not None and whitener.active else 0
+        ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
@@ -89,6 +88,11 @@ class Cleaner:
     def many_lines(self) -> bool:
         """Whether more than a few carriers are taken out: mains hum."""
         return self._lines.frequencies_hz.size > FEW_LINES
+
+    @property
+    def whitening(self) -> bool:
+        """Whether the samples are filtered to make the noise white."""
+        return self._whitener is not None and self._whitener.active
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Clean the samples of indices [first, last).

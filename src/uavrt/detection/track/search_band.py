@@ -102,10 +102,13 @@ class SearchBand:
         """Noise power of each row in the newest columns, shape (rows,)."""
         return self._noise.level * self.leveller.rows_now
 
-    def note_lines(self, *, many: bool) -> None:
-        """Report whether many lines are being taken out of the samples."""
-        if many != self._noise.ragged:
-            self._noise.ragged = many
+    def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
+        """Learn whether many lines are taken out, and whether the noise is whitened."""
+        for search in self._anchor_searches:
+            if search.null is not None:
+                search.null.coloured = many_lines or whitened
+        if many_lines != self._noise.ragged:
+            self._noise.ragged = many_lines
             self._trust_noise(anew=self._noise.ready)
 
     def advance(
