@@ -35,7 +35,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 BATCH_S = 0.44
 """Longest that samples are gathered before the search goes on: latency against NumPy's price of
-a call. Five blocks of 87.4 ms are 0.437 s; a pulse is told 0.04 s after it at the soonest."""
+a call. Five blocks of 87.4 ms are 0.437 s; a pulse is reported 0.04 s after it at least."""
 _FIRST_STEP = 0.7639
 """First step over a later one: after three blocks of 87 ms there is noise to learn from."""
 _MAXIMUM_TRACKS = 12
@@ -374,9 +374,9 @@ class PulseDetector:
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""
         taken: list[list[Measured]] = []
-        afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
+        untracked = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
         rate_hz = self.sample_rate_hz
-        known = None if afresh else self._judge.known(self._tracks)
+        known = None if untracked else self._judge.known(self._tracks)
         for candidate in self._judge.unexplained(found, search, known):
             if not self._judge.is_new(candidate, search, taken):
                 continue
@@ -390,7 +390,10 @@ class PulseDetector:
                 continue
             taken.append(group)
             clash = [t for t in self._tracks if self._judge.overlaps(t, group)]
-            if any(t.confirmed or self._judge.equals(t, group) for t in clash) and not afresh:
+            if (
+                any(t.confirmed or self._judge.equals(t, group) for t in clash)
+                and not untracked
+            ):
                 continue
             places, reason = self._judge.own_pulses(
                 places,
@@ -406,7 +409,7 @@ class PulseDetector:
                 (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
                 for place, m in places
             ]
-            if afresh:
+            if untracked:
                 track = joined(
                     self._tracks,
                     pulses,

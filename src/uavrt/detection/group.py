@@ -43,8 +43,8 @@ class _Member:
     taken: int = 0
     """Blocks of the channel."""
     due: int = 0
-    """So many samples of the channel, the longest of the newest blocks counted twice, may come
-    before it must be looked at; 0: none."""
+    """Samples of the channel, the longest of the newest blocks counted twice, that may come
+    before it must be searched; 0: none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -234,7 +234,7 @@ class DetectorGroup:
                 detector.prepare(upto)
                 key = None
                 if detector.tag.tag_id not in self.alone:
-                    key = detector.band.company(upto)
+                    key = detector.band.batch_key(upto)
                 steps.setdefault(member if key is None else key, []).append((detector, upto))
             for some in steps.values():
                 for first in range(0, len(some), _TOGETHER):
@@ -288,11 +288,11 @@ class DetectorGroup:
             if detector.operating_mode is not OperatingMode.ALL_NEVER_LOCK
         ]
         for places in overlapping([_band_hz(detector) for detector in able]):
-            company = [able[place] for place in places]
-            known = company[0].senders
-            if len(company) > 1 and (known is None or len(known.hearers) < len(company)):
-                senders = Senders(company)
-                for detector in company:
+            together = [able[place] for place in places]
+            known = together[0].senders
+            if len(together) > 1 and (known is None or len(known.hearers) < len(together)):
+                senders = Senders(together)
+                for detector in together:
                     detector.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:

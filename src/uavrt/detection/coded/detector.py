@@ -37,7 +37,7 @@ _STEP_S = 0.4
 _STRONG = 25.0
 """Cells above this are none of a tag that only several bursts show [noise energies]."""
 _ECHOING, _ECHO_PULSES = 200.0, 5
-"""Of cells above this filters leave an echo that is not small, for so many pulse widths."""
+"""Cells above this leave an echo of the filters, for this number of pulse widths."""
 _TRACKED = 1e-6
 """Chance of noise in a cell where a burst of an identified tag is expected."""
 _EXPECTED = 6.0
@@ -45,7 +45,7 @@ _EXPECTED = 6.0
 _SAME_S = 0.02
 """Bursts of one tag that begin within this are one."""
 _LEAST_ENERGY = 0.25
-"""Of a burst's pulses on average over the noise: what has less is not told as a record."""
+"""Of a burst's pulses on average over the noise: what has less makes no record."""
 
 
 class CodedDetector:
@@ -78,7 +78,7 @@ class CodedDetector:
         self._false_per_hour = false_per_hour
         self.counters = Counters()
         self.collisions = 0
-        """Bursts that lay on others so that they could not be told."""
+        """Bursts that could not be distinguished from others at the same time."""
         self._width_s = min(tag.pulse_width_s for tag in self.tags)
         self._cells = self._make_cells(window_hz)
         column_s = self._cells.column_s
@@ -380,7 +380,7 @@ class CodedDetector:
         energies = self._energies(burst.row, start + offsets)
         offset_hz, gained = self._frequency(burst.row, columns)
         rate = self._foreign.per_hour if burst.prior else self._foreign.about(burst)
-        alternatives = [self._tracks.tags[tag_id] for tag_id in burst.rivals]
+        alternatives = [self._tracks.tags[tag_id] for tag_id in burst.also_possible]
         return Sighting(
             tags=(tag, *alternatives),
             hit=tuple(burst.hit_by),
@@ -401,7 +401,7 @@ class CodedDetector:
         """How far the pulses lie from the columns in which their cells are the largest.
 
         A matched filter of a rectangular pulse falls off linearly to both sides: amplitudes
-        beside the top say how far it lies between.
+        next to the top show how far it lies between.
         """
         cells = self._cells
         at = columns - cells.recent_from
@@ -460,8 +460,8 @@ class CodedDetector:
                 noise=float(self._cells.noise[found.row]),
                 row=found.row,
                 score=found.score,
-                confirmed=found.unlisted >= required and not found.rivals,
-                others=found.rivals,
+                confirmed=found.unlisted >= required and not found.also_possible,
+                others=found.also_possible,
             )
 
     def _tell(
@@ -478,11 +478,11 @@ class CodedDetector:
         confirmed: bool,
         others: tuple[int, ...],
     ) -> None:
-        told = self._told[tag.tag_id]
-        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in told):
+        reported = self._told[tag.tag_id]
+        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in reported):
             return
-        told.append(start_ns)
-        del told[:-64]
+        reported.append(start_ns)
+        del reported[:-64]
         track = self._tracks.hear(tag.tag_id, start_ns, row) if confirmed else None
         interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
         error_s = tag.interval_uncertainty_s if track is None else track.error_s

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FADING = 0.12
-"""Standard deviation of the strength within a burst, of its amplitude, beside the noise."""
+"""Standard deviation of the strength within a burst, of its amplitude, without the noise's."""
 _COINCIDENCE = 0.05
 """Chance that a pulse of another code's burst lies at a place: 3 ms of a gap of 57 ms."""
 _HIT = 1e-3

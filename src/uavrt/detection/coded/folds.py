@@ -28,7 +28,7 @@ THREE = 3
 _NEARLY = 0.88
 """Of the least sum, from which a closer look is worth its time."""
 _CERTAIN = 20.0
-"""A sum must be better by so much than that of another code with the same pulses."""
+"""Least lead of a sum over that of another code with the same pulses."""
 _BOX = 2048
 """Columns within which seeds that become due wait together."""
 _AWAY = 10
@@ -44,7 +44,7 @@ class Found:
     `score`: sum of amplitudes over its least.
     `total`: sum of energies.
     `interval`: columns from burst to burst.
-    `rivals`: ids of tags that may have sent them as well.
+    `also_possible`: ids of tags that may have sent them as well.
     """
 
     tag: Tag
@@ -56,7 +56,7 @@ class Found:
     interval: float
     unlisted: float
     """Log likelihood ratio to codes that are not listed, which are in step by chance."""
-    rivals: tuple[int, ...] = ()
+    also_possible: tuple[int, ...] = ()
 
 
 class Waiting:
@@ -186,7 +186,7 @@ class Folds:
         return self._clip_of_three if bursts == THREE else self._clip
 
     def _least(self, bursts: int) -> NDArray[np.float64]:
-        """Least sums of so many bursts, by code."""
+        """Least sums of a number of bursts, by code."""
         if bursts not in self._least_of:
             limits = [
                 sum_limit(
@@ -263,7 +263,7 @@ class Folds:
                 near = one.energies.shape == other.energies.shape and (
                     one.total > other.total - _CERTAIN
                 )
-                if near and one.tag.tag_id not in (other.tag.tag_id, *other.rivals):
+                if near and one.tag.tag_id not in (other.tag.tag_id, *other.also_possible):
                     chosen[place] = _with_rival(other, one.tag.tag_id)
         return chosen
 
@@ -275,4 +275,4 @@ def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
 
 
 def _with_rival(found: Found, tag_id: int) -> Found:
-    return replace(found, rivals=(*found.rivals, tag_id))
+    return replace(found, also_possible=(*found.also_possible, tag_id))

@@ -2,7 +2,7 @@
 
 Searches of several tags are done together: the work on their cells and hypotheses is one long
 array for all of them, and a call of NumPy costs more than what a single tag gives it to do
-(docs/decisions/0147). A search alone is such a company of one.
+(docs/decisions/0147). A search alone is a group of one.
 """
 
 import bisect
@@ -28,7 +28,7 @@ from uavrt.native import kernels
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 24
 """Of the strongest. A neighbour 10 dB above the tag fills eight with its flanks: for 36 pulses
-the tag was not seen beside it."""
+the tag was not found next to it."""
 
 
 class AnchorSearch(RateSearch):
@@ -141,7 +141,7 @@ class AnchorSearch(RateSearch):
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
-        """Continue by so many columns; where the first of them lies in the ring."""
+        """Add columns to the count; where the first of them lies in the ring."""
         first = self.columns % self.length
         self.columns += fresh
         if self.columns > self._first_columns:

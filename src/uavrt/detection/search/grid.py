@@ -126,7 +126,7 @@ class Grid:
         first: int,
         columns: int,
     ) -> None:
-        """Power of so many columns, (rows, columns), into `power` from its item `first` on."""
+        """Write the power of columns, (rows, columns), into `power` from item `first` on."""
         assert self.halves is not None
         hop = self.hop // self.decimation
         work = np.empty(2 * hop * (columns + self.length // hop + 32), np.float32)

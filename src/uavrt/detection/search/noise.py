@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavrt.dsp.sliding_medians import medians
 
 TRUNCATION = 4.0
-"""Cells above so many times the noise are not noise: 1.8 % of noise, all of a pulse."""
+"""Ratio to the noise above which cells are no noise: 1.8 % of noise, all of a pulse."""
 _KEPT = 1.0 - math.exp(-TRUNCATION)
 _KAPPA = 1.0 - TRUNCATION * math.exp(-TRUNCATION) / _KEPT
 """Mean of a unit exponential below the truncation (0.925)."""
@@ -27,7 +27,7 @@ LONG_S = 20.0
 SHORT_S = 1.0
 """Time constant of the alarm that the noise has risen."""
 RISE = 2.2
-"""A short-term noise so many times the long-term one replaces it (3 % of pulses give 1.3)."""
+"""Ratio at which a short-term noise replaces the long-term one (3 % of pulses give 1.3)."""
 _RISEN = math.exp(-TRUNCATION / RISE)
 """Share of the cells above the truncation at that rise."""
 _SETTLE_S = 2.0
@@ -38,8 +38,8 @@ _FLAT = 1.2
 """Spread of the medians over their error up to which a spectrum passes for flat. A tilt that
 this overlooks, 0.4 dB over the band, errs no more than the medians did."""
 _STEEP = 4.0
-"""Medians at both ends of a row's neighbours that differ by so many errors, and more than
-0.7 dB, make an edge. Not if all rows lie on a line: there the median is right."""
+"""Difference of the medians at both ends of a row's neighbours that makes an edge, in errors,
+if it is more than 0.7 dB. Not if all rows lie on a line: there the median is right."""
 _LEAST_STEEP = 0.15
 _EDGE_FLAT = 1.5
 """Spread of the rows on one side over a row's error, up to which that side is flat."""
@@ -125,7 +125,7 @@ class RowNoise:
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
         """Whether rows are louder now than usually, not all by as much: what is taken off each
-        is a little too much beside an edge, and must not be learnt."""
+        is a little too much near an edge, and must not be learnt."""
         self.ragged = False
         """Whether many lines are taken out of the samples, and noise with each: the rows
         between them then have more than the median of all."""
@@ -316,5 +316,5 @@ def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> N
 
 
 def _short_weight(span_s: float) -> float:
-    """What new columns of so many seconds weigh in the alarm of a rise."""
+    """Weight of new columns of a duration in the alarm of a rise."""
     return 1.0 - math.exp(-span_s / SHORT_S)

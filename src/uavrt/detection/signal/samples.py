@@ -19,7 +19,7 @@ from uavrt.native import kernels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BACKWARD_RESTART_BLOCKS = 3
-"""So many stale blocks in a row mean that the clock was set back: start anew."""
+"""Stale blocks in a row that mean a clock set back: the stream starts again."""
 _SHORTEST_S = 0.0005
 _SHORTEST = 4
 """Shortest run of zeros taken as lost samples; samples of few bits contain shorter ones."""
@@ -156,7 +156,7 @@ class SampleBuffer:
         self._write(samples)
 
     def append_hole(self, count: int) -> None:
-        """Add so many zeros for lost samples."""
+        """Add a number of zeros for lost samples."""
         self.holes.append((self.end, self.end + count))
         while count:
             part = min(count, self._keep)
@@ -232,7 +232,7 @@ class SampleBuffer:
         self.end += count
 
     def _make_room(self, count: int) -> None:
-        """Move what is kept to the front, so that so many more fit in."""
+        """Move what is kept to the front, to make room for a number of samples."""
         used = self.end - self.start
         kept = min(used, self._keep)
         if kept + count > len(self._data):
@@ -301,9 +301,9 @@ def blank_impulses(
     there = np.concatenate(([0], np.cumsum(power > 0.0)))
     received = there[high] - there[low]
     much = 2 * received > high - low
-    beside = np.where(much, energy * (high - low) / np.maximum(received, 1), np.inf)
-    before = np.concatenate((np.full(flank, floor), beside[:-flank]))
-    after = np.concatenate((beside[flank:], np.full(flank, floor)))
+    around = np.where(much, energy * (high - low) / np.maximum(received, 1), np.inf)
+    before = np.concatenate((np.full(flank, floor), around[:-flank]))
+    after = np.concatenate((around[flank:], np.full(flank, floor)))
     burst = (energy > 12.0 * floor) & (energy > 4.0 * np.maximum(before, after))
     burst[:first] = False
     burst[last:] = False

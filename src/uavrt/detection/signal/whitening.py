@@ -1,6 +1,6 @@
 """Make the noise of a channel white: suppress neighbours that sound like noise.
 
-A window one pulse long has side lobes, and what leaks through them from a band of noise beside
+A window one pulse long has side lobes, and what leaks through them from a band of noise near
 the tag comes from the window's two ends: such cells change within a fraction of a pulse, agree
 a pulse apart, and make ten times the false groups of white noise of their power. The matched
 filter for noise of a density S is the pulse divided by S: the samples are divided by S up to

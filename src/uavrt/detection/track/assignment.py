@@ -8,7 +8,7 @@ it costs to give a train to another tag is the shortest way back to the assignme
 once by Floyd and Warshall's algorithm. The work grows with the cube of the trains of one part,
 not with the ways to share them out.
 
-Not `scipy.optimize.linear_sum_assignment`: it tells nothing of the second best, without which
+Not `scipy.optimize.linear_sum_assignment`: it does not give the second best, without which
 no pulse can name the other tags it may be, and would load more of SciPy into the drone's
 processes. Of the trains of one stretch of frequencies, the six heard last take part.
 """
@@ -153,7 +153,7 @@ def _ways(
 ) -> NDArray[np.float64]:
     """Least loss from a train that lost its tag to one whose tag is to be free.
 
-    The last row and column stand for the tags that nobody has, and for having none.
+    The last row and column stand for the tags without a train, and for having none.
     """
     free = len(able)
     ways = np.full((free + 1, free + 1), np.inf)

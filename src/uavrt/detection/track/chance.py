@@ -42,7 +42,7 @@ QUIET = OnAir(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
 
 
 def log_begin(per_s: float) -> float:
-    """Log odds of a track with one pulse, when so many bursts a second may begin one."""
+    """Log odds of a track with one pulse, by the rate of bursts that may begin one [1/s]."""
     return math.log(_CONFIRMED_FALSELY / (_PERIOD_S * max(per_s, 10.0 * _QUIET_PER_S)))
 
 

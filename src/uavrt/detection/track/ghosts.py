@@ -28,7 +28,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 STRONGER = 10.0**0.8
 """Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third
 harmonic of a signal cut to a square wave is 9.5 dB below it; nothing else of it is nearer. Of a
-product each of the two is stronger by so much."""
+product each of the two is stronger by this ratio."""
 LEAST_PULSES = 3
 ALLOWED = 1e-3
 """Tags that are no ghosts and are taken for one, at most, of those that come with another's
@@ -39,9 +39,9 @@ _EDGE_STRONGER = 100.0
 _EDGE_NOISE = 2.5
 """Amplitude that the best noise adds to an edge's in a search."""
 _EDGE_WIDTHS = 0.75
-"""Edges are found up to so many widths beside the pulse's begin."""
+"""Most distance of an edge from the pulse's begin [pulse widths]."""
 _EDGE_SHARE = 0.6
-"""So many of a train's pulses come with the other's when it is its edges; the rest is noise."""
+"""Least share of a train's pulses that come with another's if it is its edges."""
 _ROUNDING_NS = 1000
 """More than times of today lose as floating-point numbers."""
 
@@ -133,17 +133,17 @@ def _original(
     for other in heard:
         if other.track.ghost_of is None and _is_edges(one, other):
             return other.hearer.tag.tag_id
-    beside = [
+    stronger = [
         (other, found)
         for other in heard
         if other.track.ghost_of is None
         and other.level >= STRONGER * one.level
         and (found := _coincidence(one, other, one.near_s)).together >= LEAST_PULSES
     ]
-    for other, found in beside:
+    for other, found in stronger:
         partners_hz = [
             *carriers_hz,
-            *(third.frequency_hz for third, _ in beside if third is not other),
+            *(third.frequency_hz for third, _ in stronger if third is not other),
         ]
         if receiver.makes(one.frequency_hz, other.frequency_hz, partners_hz) and _chance(
             one, other, found
@@ -158,7 +158,7 @@ def _original(
 
 
 def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
-    """Whether a train is no more than what another's pulses leak far beside their frequency.
+    """Whether a train is no more than what another's pulses leak far from their frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Nearer, in the
     band of its own search, trains are shared out (senders.py).

@@ -21,9 +21,9 @@ _LIKELY = -6.0
 """Log odds of a track that is about to be confirmed: it is taken for bursts while another train
 is not sure, whose pulses are counted as such. Groups are reported from about there on."""
 _SAME_SHARE = 2.0 / 3.0
-"""So many pulses of two tracks are the same when they are one train; less is a collision."""
+"""Least share of common pulses of two tracks that are one train; less is a collision."""
 _OTHERS_SHARE = 2.0 / 3.0
-"""So many pulses of a train are those of others when it is none."""
+"""Least share of pulses that are others' at which a train is none."""
 _LEAST_PULSES = 3
 """Fewer may be others' by accident."""
 _ALIKE = 1.2
