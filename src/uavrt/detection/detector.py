@@ -111,7 +111,6 @@ class PulseDetector:
         self._start()
 
     def _look_around(self, offset_hz: float, half_width_hz: float) -> None:
-        """Lay the grid of the search around a frequency."""
         self._home_hz = offset_hz
         self._bounds = bounds = Bounds(
             tag=self.tag,
@@ -136,12 +135,10 @@ class PulseDetector:
         return SearchBand(grid=self._grid, buffer=self._buffer, bounds=bounds, batch_s=BATCH_S)
 
     def _take_band(self, band: SearchBand) -> None:
-        """Search in a band, and measure by its noise."""
         self.band = band
         self._refiner.leveller = band.leveller
 
     def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
-        """(Re)start everything that hangs on unbroken samples."""
         self._intake.clear()
         self._take_band(self._make_band())
         self._cleaner = Cleaner(
@@ -326,7 +323,6 @@ class PulseDetector:
         return [t for t in self._tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
-        """Clean, transform and search the samples up to an index."""
         if upto <= self._clean and not last:
             return
         self.prepare(upto)
@@ -430,7 +426,6 @@ class PulseDetector:
         *,
         held: bool,
     ) -> None:
-        """Begin a track with a group."""
         track = Track(
             tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=max(1.0, candidate.score)
         )
@@ -452,7 +447,6 @@ class PulseDetector:
             )
 
     def _around(self, track: Track, found: Measured) -> OnAir:
-        """What else is on air around a track's place."""
         if self._bursts is None:
             known = [
                 (slot.measured.start, slot.measured.offset_hz, math.inf)
@@ -473,7 +467,6 @@ class PulseDetector:
         return self._bursts.around(track, found)
 
     def _settle(self) -> None:
-        """Decide which track is the tag, and report what it has found."""
         if self.senders is not None:
             for track in self._tracks:
                 # Of what has just been confirmed they decide first whose it is.
@@ -483,7 +476,6 @@ class PulseDetector:
             self._reporter.settle(self._tracks, self._home_hz, self.now_s)
 
     def _owner(self) -> Track | None:
-        """The track that is the tag."""
         if self.senders is None:
             return self._reporter.owner(self._tracks, self._home_hz, self.now_s)
         tags = (t for t in self._tracks if t.confirmed and t.ghost_of is None)

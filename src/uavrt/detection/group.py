@@ -118,7 +118,6 @@ class DetectorGroup:
         self._find_company()
 
     def __contains__(self, channel: Hashable) -> bool:
-        """Whether a channel was added."""
         return channel in self._channels
 
     @property
@@ -203,7 +202,6 @@ class DetectorGroup:
         return self.collect()
 
     def _search(self) -> None:
-        """Advance all detectors that are due."""
         due, self._due = self._due, []
         active = []
         for line in due:
@@ -276,12 +274,10 @@ class DetectorGroup:
 
     @staticmethod
     def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
-        """The groups of detectors that these share bands with, each once."""
         found = {id(d.senders): d.senders for d in detectors if d.senders is not None}
         return list(found.values())
 
     def _find_company(self) -> None:
-        """Group the detectors whose bands overlap."""
         able = [
             detector
             for detector in self.detectors
@@ -296,7 +292,6 @@ class DetectorGroup:
                     detector.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
-        """Advance prepared detectors that share a band."""
         self.in_hand = tuple(detector for detector, _ in steps)
         if len(steps) == 1:
             detector, upto = steps[0]
@@ -320,7 +315,6 @@ class DetectorGroup:
                 search.settle_in(self._memory, base)
 
     def _build(self) -> None:
-        """Make a memory for the rings of all, and move them in."""
         total = 0
         longest = 0
         for line in self._channels.values():
@@ -338,13 +332,11 @@ class DetectorGroup:
 
 
 def _band_hz(detector: PulseDetector) -> tuple[float, float]:
-    """Edges of a detector's search."""
     nominal_hz, half_hz = detector.tag.frequency_hz, detector.half_width_hz
     return nominal_hz - half_hz, nominal_hz + half_hz
 
 
 def _forget(line: _Channel) -> None:
-    """Drop the blocks that all members have taken."""
     taken = min(member.taken for member in line.members) - line.before
     del line.blocks[:taken]
     line.before += taken

@@ -50,9 +50,6 @@ def search_cost(
 ) -> float:
     """Measure what searching for tags will cost.
 
-    `tags`: all that will be searched for.
-    `cpu_s`: processor time used so far [s].
-    `settings`: how; by default as usual.
     Returns: processor cores that the detectors need in real time while one tag of each kind is
     heard; 0.0 for lists too cheap to matter.
     """

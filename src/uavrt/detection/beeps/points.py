@@ -61,7 +61,6 @@ class Points:
     """(n,) power over the noise in 94 Hz."""
 
     def __len__(self) -> int:
-        """Count the points."""
         return self.times_s.size
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
@@ -86,8 +85,6 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 class PointSearch:
     """Finds pulses in a stream of samples.
 
-    `sample_rate_hz`: rate of the samples.
-    `low_hz`, `high_hz`: frequencies to search, relative to the band's centre.
     `most_cells`: cells of the spectrogram that are kept and searched at once.
     """
 
@@ -136,7 +133,6 @@ class PointSearch:
         self._take_frames(_LEAST_FRAMES)
 
     def _take_frames(self, least: int) -> None:
-        """Add the spectra of the samples that wait, if they are enough."""
         data, length, hop = self._tail, self._window.size, self._hop
         frames = (data.size - length) // hop + 1 if data.size >= length else 0
         if frames < least:
@@ -181,7 +177,6 @@ class PointSearch:
             target += part.imag**2
 
     def _search(self, until: int) -> None:
-        """Find the points of the frames that wait, up to one in the batch."""
         power = self._power[: self._filled]
         held = power[-self._held :].copy()
         usual = medians(power[::2])
@@ -235,7 +230,6 @@ class PointSearch:
         column: NDArray[np.intp],
         over: NDArray[np.float32],
     ) -> NDArray[np.float64]:
-        """Judge cells by their surroundings; measure those that are pulses."""
         frames, bins = power.shape
 
         def around(rows: range, columns: range) -> NDArray[np.float32]:

@@ -19,7 +19,6 @@ _TURNS_HZ = (-42.0, 0.0, 42.0)
 _STRETCHES = (-0.25, 0.0, 0.25)
 """Of the tolerance, added to the stretch of the seed."""
 _SHIFTS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Columns."""
 _DRIFTS = (-1.0, 0.0, 1.0)
 """Columns from the first to the last burst, added to the interval of the sum."""
 _NEAR = 3
@@ -34,8 +33,6 @@ _MARGIN = 6
 class Look:
     """What several bursts are, looked at closely.
 
-    `begins` (bursts,): columns at which the bursts begin.
-    `columns` (bursts, pulses): of the pulses.
     `energies` (bursts, pulses): in noise energies; what is hidden has the usual of noise, what
     lies beyond the cells 0.
     """
@@ -51,7 +48,6 @@ def look(
     """Find where between the cells a sum is largest.
 
     `part`: of the tolerance by which the gaps together are stretched.
-    `begins` (bursts,): columns at which the bursts begin.
     `most`: that a pulse counts [noise energies].
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))

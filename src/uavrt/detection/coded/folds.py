@@ -39,11 +39,7 @@ _AWAY = 10
 class Found:
     """Several bursts of a code, together larger than noise.
 
-    `columns` (bursts, pulses): of the pulses.
-    `energies` (bursts, pulses): in noise energies.
     `score`: sum of amplitudes over its least.
-    `total`: sum of energies.
-    `interval`: columns from burst to burst.
     `also_possible`: ids of tags that may have sent them as well.
     """
 
@@ -70,11 +66,7 @@ class Waiting:
         self._calls = 0
 
     def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
-        """Have seeds wait until a column is reached, for each its own.
-
-        `seeds`: shape (n, 5).
-        `ends`: shape (n,).
-        """
+        """Have seeds wait until a column is reached, for each its own."""
         self._calls += 1
         columns = np.floor(ends).astype(np.int32)
         call = np.full(len(seeds), self._calls, np.int32)
@@ -103,7 +95,6 @@ class Folds:
     """Seeds of the codes with as many pulses as each other, and what becomes of them.
 
     `kept_s`: how long cells are kept.
-    `false_per_hour`: identities that noise may make, of each code.
     """
 
     def __init__(
@@ -151,8 +142,6 @@ class Folds:
         """Sum about the seeds all of whose later bursts have come.
 
         `whole`: columns before which a burst is complete.
-        `foreign_per_hour`: bursts on the channel that no listed code explains.
-        `last`: nothing comes any more.
         """
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
@@ -186,7 +175,6 @@ class Folds:
         return self._clip_of_three if bursts == THREE else self._clip
 
     def _least(self, bursts: int) -> NDArray[np.float64]:
-        """Least sums of a number of bursts, by code."""
         if bursts not in self._least_of:
             limits = [
                 sum_limit(

@@ -52,7 +52,6 @@ _MOST_SWAPS = 3
 _NAMED, _SURE_PULSE = 2, 12.0
 """Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
 _NOWHERE = -(2**40)
-"""Column of no pulse."""
 _SATURATED = 12.0
 """Energy at which kept cells no longer show where a pulse is best [noise energies]."""
 
@@ -64,7 +63,6 @@ class Burst:
     `column`: of the first pulse, nearly.
     `offsets` (pulses,): columns of the pulses from there, by the code.
     `columns` (pulses,): where the pulses' cells are largest.
-    `energies` (pulses,): in noise energies.
     `good` (pulses,): pulses that count: alone on air, and like the others.
     `likelihood`: log, over noise.
     """
@@ -114,8 +112,6 @@ def measure(
     """Look at the pulses of seeds among the recent cells; leave out what is no burst.
 
     `seeds` (n, 5): all pulses lie among the recent cells.
-    `limits`: least sum by the number of pulses.
-    `foreign_per_hour`: bursts on the channel that no listed code explains.
     `prior`: log odds that a burst is sent now, over any other time.
     """
     if not len(seeds):
@@ -248,7 +244,6 @@ def _aside(
 def _best(
     recent: NDArray[np.float32], rows: NDArray[np.int32], at: NDArray[np.intp], reach: int
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Largest of some cells within a reach in columns, and where."""
     padded = np.pad(recent, ((0, 0), (reach, reach)), mode="edge")
     columns = np.clip(at, 0, recent.shape[1] - 1)
     windows = sliding_window_view(padded.ravel(), 2 * reach + 1)
@@ -276,11 +271,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Keep the bursts of equally many pulses whose good ones suffice, and note their scores.
-
-    `limits`: least sum by the number of pulses.
-    `foreign_per_hour`: bursts on the channel that no listed code explains.
-    """
+    """Keep the bursts of equally many pulses whose good ones suffice, and note their scores."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -381,7 +372,6 @@ class Covered:
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
-        """… and the weakest of these."""
 
     def leaves_nothing_of(self, claim: int) -> bool:
         """Whether too few pulses are left for an identity, and for a name."""
@@ -418,9 +408,7 @@ def decide(
 
     `claims`: weighed; those of one sent burst come in several versions and codes.
     `on_air`: what was accepted before.
-    `limits`: least sums by the pulses of a burst, and by those that count.
     `before`: lost bursts that begin before this column are counted.
-    `foreign_per_hour`: bursts on the channel that no listed code explains.
     Returns: the accepted ones, and how many collided with others and could not be identified.
     """
     without: frozenset[int] = frozenset()
@@ -447,7 +435,6 @@ def _total(bursts: list[Burst]) -> float:
 
 
 def _meet(one: Burst, other: Burst) -> bool:
-    """Whether two bursts overlap in time."""
     return bool(one.columns[0] <= other.columns[-1] and other.columns[0] <= one.columns[-1])
 
 
@@ -459,7 +446,6 @@ def _greedy(
     foreign_per_hour: float,
     without: frozenset[int],
 ) -> tuple[list[Burst], int]:
-    """Accept the likeliest first, without some tags."""
     ordered = [one for one in claims if one.tag_id not in without]
     ordered.sort(key=lambda one: -one.likelihood)
     covered = Covered(ordered, before_now.guard)

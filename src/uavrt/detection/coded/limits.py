@@ -64,7 +64,6 @@ def rayleigh_limit(count: int, chance: float) -> float:
     """Sum of amplitudes of cells of noise that is reached with a given probability.
 
     `count`: cells, whose energies are exponential with mean 1.
-    `chance`: at most 0.1.
     """
     low, high = 0.02, 8.0
     for _ in range(50):

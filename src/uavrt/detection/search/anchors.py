@@ -229,7 +229,6 @@ class AnchorSearch(RateSearch):
         row: NDArray[np.intp],
         columns: NDArray[np.float64],
     ) -> list[Candidate]:
-        """Candidates that no known pulse explains; arrays along them."""
         if self.known is not None:
             new = ~self.known.explain(columns, row, strength, reach=self.reach)
             if not new.any():
@@ -280,7 +279,6 @@ def search_together(
     `searches`: of equal rows, K, reach and number of intervals, with as many columns `fresh`
     after these; their rings in one memory.
     `power` (searches, rows, columns): at most a piece of columns.
-    `noise`: shape (searches, rows).
     Returns: for each search, best first.
     """
     if kernels() is not None:
@@ -355,7 +353,6 @@ def _search_by_kernel(
 def _count_null(
     search: AnchorSearch, due: _Due, part: slice, level: NDArray[np.float32], fresh: int
 ) -> None:
-    """Count the groups that a search's anchors in `part` make on lattices of no tag."""
     null = search.null
     if null is None:
         return
@@ -375,7 +372,6 @@ def _count_null(
 
 
 def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:
-    """Continue to the newest columns and note their cells that may be anchors."""
     reach, rows, fresh = searches[0].reach, searches[0].rows, searches[0].fresh
     mask = np.empty((len(searches), rows, fresh), np.bool_)
     places = []
@@ -456,7 +452,6 @@ def _test(
     power: NDArray[np.float32],
     noise: NDArray[np.float32],
 ) -> _Tested:
-    """Sum over all intervals for some anchors; arrays along them."""
     k, reach = searches[0].k, searches[0].reach
     rows = searches[0].rows
     level = noise.reshape(-1)[member * rows + row]

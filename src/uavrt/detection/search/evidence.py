@@ -70,11 +70,7 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """Whether a candidate is likelier than what noise makes as often as is allowed.
-
-        `search`: that found it.
-        `noise`: shape (rows,).
-        """
+        """Whether a candidate is likelier than what noise makes as often as is allowed."""
         share = gate(search.k)
         if share == 1.0 or candidate.score >= _SURE_SCORE:
             return True

@@ -110,7 +110,6 @@ class Leveller:
     ) -> None:
         count = max(1, round(rows / ROWS_PER_BIN))
         self.band_of = np.minimum(np.arange(rows) // ROWS_PER_BIN, count - 1)
-        """Band of each row."""
         self._members = np.bincount(self.band_of).astype(np.float32)
         self._sums = np.zeros((count, rows), np.float32)
         self._sums[self.band_of, np.arange(rows)] = 1.0 / self._members[self.band_of]
@@ -132,7 +131,6 @@ class Leveller:
         self.unsteady = False
         """Whether the level changes, or bands differ."""
         self.uneven = False
-        """Whether bands differ."""
 
     @property
     def rows_now(self) -> NDArray[np.float32]:
@@ -160,9 +158,7 @@ class Leveller:
     ) -> None:
         """Divide new columns by their level, in place.
 
-        `power`: shape (rows, columns).
         `noise` (rows,): noise of each row at a level of one.
-        `first`: number of the first column.
         `whole` (columns,): columns without lost samples; None: all.
         """
         level_together([self], power[np.newaxis], [noise], [first], [whole])
@@ -170,7 +166,6 @@ class Leveller:
     def _keep_steady(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], mean: float
     ) -> float:
-        """Note slots that are all of one level; what to divide by."""
         self.unsteady = self.uneven = False
         total = max(float(weights.sum()), 1.0)
         level = mean * (1.0 + 0.5 * self._steepness * _VARIANCE / self._bins / total)
@@ -185,7 +180,6 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None,
     ) -> None:
-        """Do as `level_together` for one search."""
         count = -(-power.shape[1] // SLOT)
         slots = self._past.shape[1] + count
         both = np.empty((len(self._past), slots), np.float32)
@@ -210,7 +204,6 @@ class Leveller:
         both: NDArray[np.float32],
         weights: NDArray[np.float32],
     ) -> None:
-        """Divide columns by levels that change, in place."""
         columns = power.shape[1]
         slots = power[:, ::SLOT]
         past = both.shape[1] - slots.shape[1]
@@ -504,7 +497,6 @@ def level_together(
     """Do as `Leveller.level` for several searches.
 
     `power` (searches, rows, columns): divided in place.
-    `noise`: shape (rows,).
     """
     if not power.shape[2]:
         return

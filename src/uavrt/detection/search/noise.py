@@ -55,11 +55,7 @@ _NEIGHBOUR_REACH = 8
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point step of the truncated mean, and the share of the cells that were kept.
-
-    `power`: shape (..., columns, rows).
-    `noise`: shape (..., rows).
-    """
+    """Fixed-point step of the truncated mean, and the share of the cells that were kept."""
     kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
     columns = power.shape[-2]
     ones = np.ones(columns, np.float32)
@@ -86,10 +82,7 @@ def _beside_an_edge(
     times the false alarms asked for. Where one side is flat and the row belongs to it that side
     alone counts; on the slope itself the nearest rows, and what they do not know is added.
 
-    `noise`: shape (rows,).
     `around` (steep, 2 × reach + 1): the rows on both sides of each.
-    `error`: relative standard deviation of a single row.
-    Returns: shape (steep,).
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -109,7 +102,6 @@ def _beside_an_edge(
 class RowNoise:
     """Noise power of each row, followed over time.
 
-    `column_s`: time between two columns.
     `independent_per_s`: independent cells a row has in a second: one over the pulse width.
     `circular`: whether the last row is the first's neighbour.
     """
@@ -149,10 +141,7 @@ class RowNoise:
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
 
     def start(self, power: NDArray[np.float32]) -> None:
-        """Make the first estimate from all the columns at hand.
-
-        `power`: shape (columns, rows).
-        """
+        """Make the first estimate from all the columns at hand."""
         noise = medians(power) / np.float32(math.log(2.0))
         noise = np.maximum(noise, np.float32(1e-30))
         for _ in range(6):
@@ -210,7 +199,6 @@ class RowNoise:
         self._settle_on(windows[:, reach], reach)
 
     def _settle_on(self, smooth: NDArray[np.float32], reach: int) -> None:
-        """Make the level from the medians of the neighbours, shape (rows,)."""
         assert self._long is not None
         self._settled_s = self._seen_s
         if self._seen_s < _YOUNG_S and self._is_flat(smooth):
@@ -224,7 +212,6 @@ class RowNoise:
         self._level = np.where(line, self._long, smooth)
 
     def _is_flat(self, smooth: NDArray[np.float32]) -> bool:
-        """Whether medians differ no more than they err."""
         spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
         return spread < _FLAT * self.relative_error
 
@@ -235,7 +222,6 @@ class RowNoise:
 
     @property
     def _row_error(self) -> float:
-        """Relative standard deviation of a single row."""
         seconds = min(self._seen_s, 2.0 * LONG_S)
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
@@ -274,7 +260,6 @@ class RowNoise:
         return line if float(below.mean()) < 0.03 else None
 
     def _reach(self, rows: int) -> int:
-        """Rows on each side that the median takes in."""
         reach = _YOUNG_REACH if self._seen_s < _YOUNG_S else _NEIGHBOUR_REACH
         return min(reach, rows // 2)
 
@@ -282,7 +267,6 @@ class RowNoise:
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
     """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
 
-    `noises`: all started.
     `power` (noises, columns, rows): new columns, at least one.
     """
     long = np.stack([noise._long for noise in noises if noise._long is not None])
@@ -316,5 +300,4 @@ def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> N
 
 
 def _short_weight(span_s: float) -> float:
-    """Weight of new columns of a duration in the alarm of a rise."""
     return 1.0 - math.exp(-span_s / SHORT_S)

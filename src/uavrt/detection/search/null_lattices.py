@@ -44,7 +44,6 @@ class NullLattices:
 
     `lows` (places, k - 1): columns from an anchor in each place to the stretches where the
     other pulses may lie.
-    `interval`: of the tag, in columns.
     `expected_per_column`: groups of white noise at `LEVEL` of the threshold, on one lattice.
     `threshold`, `limit`: of a sum and of a cell in it, in noise powers.
     """

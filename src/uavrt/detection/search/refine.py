@@ -68,10 +68,7 @@ def timing_error_s(width_s: float, power: float) -> float:
 
 
 class Refiner:
-    """Local search around expected pulses.
-
-    `buffer`: the samples; only what it still keeps can be refined.
-    """
+    """Local search around expected pulses."""
 
     def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
         self._grid = grid
@@ -120,7 +117,6 @@ class Refiner:
         `starts` (pulses,): expected index of the first sample of each.
         `half_width`: samples to look before and after.
         `offset_hz`, `half_band_hz`: frequencies to look at.
-        `noise`: shape (rows,).
         `climb`: follow a peak that lies at the edge of the times looked at.
         `spread`: standard deviation of the expected starts [samples]: of several peaks the
         likeliest is taken, not the highest.
@@ -235,7 +231,6 @@ class Refiner:
         """Matched-filter power at many starts and some frequencies.
 
         `first` (pulses,): first start of each pulse.
-        `count`: starts of each.
         Returns (power, shift): (pulses, frequencies, count), or None when fewer samples are
         kept than one such stretch; (pulses,), how much later than asked each begins, for a
         stretch that is not there is moved.
@@ -389,7 +384,6 @@ class Refiner:
         return max(min(sides), min(max(sides), pulse.noise))
 
     def _looks_like_impulse(self, pulse: Measured, floor: float) -> bool:
-        """Judge as `is_impulse`, by one floor."""
         window = self._window
         start = round(pulse.start)
         x = self._buffer.view(start, start + window)

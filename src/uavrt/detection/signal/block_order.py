@@ -70,8 +70,6 @@ class Intake:
     ) -> Literal["taken", "refused", "later", "earlier"]:
         """Put a block in its place.
 
-        `samples`: shape (n,).
-        `time_ns`: time of the first.
         `after`: first index at which a hole can still be filled.
         Returns: ``later``, ``earlier``: not taken, for it begins another stream.
         """

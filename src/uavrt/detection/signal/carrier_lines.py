@@ -75,7 +75,6 @@ class LineCanceller:
         """Look for carriers in the newest samples, this or the last calls'.
 
         `before`: what is kept of the samples before, in whatever state `subtract` left them.
-        `samples` (n,): the new ones.
         """
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
@@ -179,9 +178,6 @@ class _Waves:
     All waves are fitted together, since neighbours share a part of their power, by the method
     of conjugate gradients: its cost is that of a few products of small matrices. Within a block
     an amplitude is linear.
-
-    `frequencies_hz`, `degrees`: of each wave and its polynomial.
-    `count`, `block`: number of blocks and samples of each.
     """
 
     def __init__(

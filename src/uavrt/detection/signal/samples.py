@@ -210,8 +210,6 @@ class SampleBuffer:
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
         """Get the factor on the power of each window that makes up for its lost samples.
 
-        `first`: indices of their first samples.
-        `window`: length of each window [samples].
         Returns: one over the share that was received; 0 where it is below `LEAST_RECEIVED`.
         None: all samples of all windows were received.
         """
@@ -232,7 +230,6 @@ class SampleBuffer:
         self.end += count
 
     def _make_room(self, count: int) -> None:
-        """Move what is kept to the front, to make room for a number of samples."""
         used = self.end - self.start
         kept = min(used, self._keep)
         if kept + count > len(self._data):
@@ -248,7 +245,6 @@ class SampleBuffer:
         self._forget()
 
     def _forget(self) -> None:
-        """Drop the times and holes of samples that are gone; keep one time before them."""
         at = max(0, bisect.bisect_right(self._stamp_index, self.start) - 1)
         del self._stamp_index[:at], self._stamp_ns[:at]
         self.holes = [(a, b) for a, b in self.holes if b > self.start]
@@ -273,10 +269,6 @@ def blank_impulses(
     (1 ms impulses made a false group in every segment).
 
     `samples`: the stretch with at least ``flank + short`` samples around [first, last).
-    `floor`: median power of a sample.
-    `short`, `flank`: lengths in samples.
-    `first`, `last`: where to blank.
-    Returns: stretches blanked, first and end.
     """
     if not len(samples):
         return []

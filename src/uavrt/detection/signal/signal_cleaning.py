@@ -123,7 +123,6 @@ class Cleaner:
             self.mean_floor = _median_power(buffer.view(first, last)) / _MEDIAN
 
     def _whiten(self, whitener: Whitener, buffer: SampleBuffer, last: int) -> None:
-        """Make the noise white up to the samples that the next step needs."""
         end = min(buffer.end, last + self._steady_ahead)
         begin = max(self._white, buffer.start)
         whitener.filter(
@@ -136,7 +135,6 @@ class Cleaner:
         self._white = end
 
     def _make_steady(self, limiter: SparkLimiter, buffer: SampleBuffer, last: int) -> None:
-        """Make the noise of a stretch steady."""
         begin = max(self._steady, buffer.start)
         limiter.limit(
             buffer.view(max(buffer.start, begin - limiter.reach), begin),
@@ -146,7 +144,6 @@ class Cleaner:
         self._steady = last
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
-        """Subtract carriers from [first, last)."""
         look = self._lines.frequencies_hz.size > 0 or last >= self._look_at
         if not look and self._lines.idle:
             return

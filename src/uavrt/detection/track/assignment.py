@@ -113,7 +113,6 @@ class _Sharing:
     def _exchange(
         self, start: int, last: int, free: int | None, came: Mapping[int, tuple[int, int]]
     ) -> None:
-        """Give tags again along a path."""
         while True:
             self.chosen[last] = free
             if free is not None:
@@ -128,8 +127,6 @@ def losses(
 ) -> list[dict[int, float]]:
     """Describe how much worse the best sharing is in which a train is a certain tag's.
 
-    `able`: as for `best_sharing`.
-    `chosen`: what that gave.
     Returns: for each train and each tag that it may be; 0 for its own.
     """
     owner = {to: at for at, to in enumerate(chosen) if to is not None}

@@ -93,7 +93,6 @@ class Bursts:
         """Bring the statistics up to date.
 
         `fresh`: columns, rows and powers of the anchors that the search still holds.
-        `noise`: shape (rows,).
         `now_column`, `begin_column`: the newest that was searched, and the first of the stream.
         `known`: pulses of tags that are sure: no bursts.
         """

@@ -17,11 +17,7 @@ def by_chance(
     Either two lattices drift past each other slowly: at any phase, with a difference of their
     intervals anywhere within what is not known of it. Or the pulses meet one by one.
 
-    `together`: pulses that came together, at least two.
     `pulses`: consecutive pulses of the tag of which they are.
-    `near_s`: pulses no further apart come together.
-    `interval_s`: of the other transmitter.
-    `uncertainty_s`: of the difference of the two intervals.
     Returns: of this many or more.
     """
     window_s = min(2.0 * near_s, interval_s)

@@ -59,10 +59,8 @@ class Follower:
     ) -> None:
         """Look where the tracks expect their next pulses; drop the dead.
 
-        `tracks`: changed in place.
         `upto`: index after the last clean sample.
         `settle`: called after each pulse: decides who is the tag and reports.
-        `noise`: shape (rows,).
         `floor`: mean power of a sample without pulses.
         `around`: reports what else is on air around a track's place.
         """
@@ -133,7 +131,6 @@ class Follower:
     def _step(
         self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float
     ) -> bool:
-        """Test a track's next slot when its samples are there."""
         grid = self._grid
         time_s, half_s = track.expected()
         half = half_s * grid.sample_rate_hz
@@ -200,7 +197,6 @@ class Follower:
         return found
 
     def _slot(self, track: Track, measured: Measured, half_s: float) -> Slot:
-        """Make a place of a track of what was found there."""
         return Slot(
             number=0,
             time_s=self.seconds(measured.start),
@@ -217,7 +213,6 @@ class Follower:
 
         `burst`: the strongest of the place, likelier something else's.
         `start`, `half`: where the pulse is expected, and how far away it may lie [samples].
-        `noise`: shape (rows,).
         Returns: the likeliest; None where nothing is likelier the tag's than a burst.
         """
         at, window = burst.measured.start, self._grid.window

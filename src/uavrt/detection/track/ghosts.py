@@ -53,7 +53,6 @@ class _Heard(Generic[H]):
     level: float
     frequency_hz: float
     times_ns: list[int]
-    """Of the pulses."""
     near_s: list[float]
     """For each, how near to it another one comes at the same time."""
 
@@ -102,7 +101,6 @@ def mark_ghosts(
 ) -> list[tuple[H, Track]]:
     """Mark the tracks that are ghosts of others, and unmark those that are none any more.
 
-    `hearers`: all detectors of a receiver.
     `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
     Returns: tracks that were not marked before.
     """
@@ -129,7 +127,6 @@ def mark_ghosts(
 def _original(
     one: _Heard[H], heard: list[_Heard[H]], receiver: Receiver, carriers_hz: Sequence[float]
 ) -> int | None:
-    """Number of the tag whose ghost a train is."""
     for other in heard:
         if other.track.ghost_of is None and _is_edges(one, other):
             return other.hearer.tag.tag_id
@@ -174,7 +171,6 @@ def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
 
 
 def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
-    """Chance that a tag of its own would come so often with another."""
     tag, interval_s = one.track.tag, other.track.interval_s
     return by_chance(
         found.together,
@@ -186,7 +182,6 @@ def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
 
 
 def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _Coincidence:
-    """Count the newest pulses of a train that come with those of another."""
     mates_ns = other.times_ns
     first_ns, last_ns = mates_ns[0], mates_ns[-1]
     pulses = together = 0
@@ -203,7 +198,6 @@ def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _
 
 
 def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
-    """Gather what is asked of a track by all others."""
     width_s = track.tag.pulse_width_s
     return _Heard(
         hearer,

@@ -148,9 +148,6 @@ class Judge:
         group.
 
         `places`: a group above the threshold: places among the K, in order of time.
-        `search`: that found it.
-        `candidate`: what was measured.
-        `noise`: shape (rows,).
         `floor`: mean power of a sample without pulses.
         Returns (own, reason): the pulses that are the tag's; why the group is no tag.
         """

@@ -29,7 +29,6 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
     """Tracks that may hide a track's pulses: stronger, and at another frequency.
 
-    `tracks`: all that are followed.
     `sample_rate_hz`: frequencies are compared around this circle.
     """
     if len(tracks) < 2:

@@ -21,10 +21,7 @@ _ACTIVE_INTERVALS = 5.0
 
 
 class Reporter:
-    """Makes the records of one detector.
-
-    `center_frequency_hz`: of the channel, absolute.
-    """
+    """Makes the records of one detector."""
 
     def __init__(
         self, tag: Tag, *, center_frequency_hz: float, sample_rate_hz: float, counters: Counters

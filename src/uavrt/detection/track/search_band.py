@@ -168,7 +168,6 @@ class SearchBand:
         return self._anchor_searches
 
     def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
-        """Count new columns, and learn the noise from them."""
         begin, self._column = self._column, self._column + len(power)
         if len(power):
             self._learn(power, begin, last=last)
@@ -244,16 +243,13 @@ class SearchBand:
 
     @property
     def _broken(self) -> bool:
-        """Whether samples are lost, or were taken out as impulses."""
         return bool(self._buffer.lost or self._buffer.blanked)
 
     @property
     def _knows_noise(self) -> bool:
-        """Whether the noise is only followed from here on."""
         return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
-        """Feed the noise with columns that hold no lost samples."""
         whole = power
         if self._broken:
             whole = power[self._whole_columns(begin, len(power))]
@@ -292,11 +288,7 @@ class SearchBand:
         return self._buffer.weights(first, self._grid.window)
 
     def _weigh(self, power: NDArray[np.float32], begin: int) -> None:
-        """Scale columns with lost samples to the noise of complete ones, in place.
-
-        `power`: shape (columns, rows).
-        `begin`: number of the first column.
-        """
+        """Scale columns with lost samples to the noise of complete ones, in place."""
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
             power *= weights.astype(np.float32)[:, np.newaxis]
@@ -365,7 +357,6 @@ def advance_together(
 
 
 def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> None:
-    """Feed the noises with new columns, shape (bands, rows, columns)."""
     count = power.shape[2]
     plain = []
     for index, band in enumerate(bands):

@@ -89,7 +89,6 @@ def part(one: Tag, two: Tag) -> "Parting":
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
     """Find the small ratio at which the intervals of two tags may be, by their bounds.
 
-    `one`, `two`: in any order.
     Returns: of the longer interval to the shorter one: 2 to 1, 3 to 1 or 3 to 2. The pulses
     that both have are each as good for the one as for the other.
     """
@@ -120,7 +119,6 @@ class Parting:
     pulses: int | None
     """Pulses that measure the gap; None: it is less than tags drift, nothing parts them."""
     seconds: float | None
-    """What that takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,7 +257,6 @@ class Senders(Generic[H]):
                 done.add(hearer, track, [t for t in _reported_ns(track) if t not in before])
 
     def _remember(self) -> None:
-        """Keep the times of what is certainly a tag's."""
         for hearer in self.hearers:
             for track in hearer.tracks:
                 if not track.confirmed or track.dead:
@@ -286,7 +283,6 @@ class Senders(Generic[H]):
         return self._heard_ns[some], self._heard_how[some]
 
     def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
-        """Of the trains that could be one tag's by frequency those heard last."""
         some = sorted(trains, key=lambda train: train.frequency_hz)
         frequencies_hz = [train.frequency_hz for train in some]
         left = []
@@ -308,7 +304,6 @@ class Senders(Generic[H]):
         return [(trains[at], to, others, sure) for at, to, others, sure in self._shared]
 
     def _share_out_anew(self, trains: list[Train[H]]) -> list[_Share]:
-        """Share out the trains, those that compete together."""
         likely = [self._likely(train) for train in trains]
         shares = []
         for part in parts(likely):
@@ -349,7 +344,6 @@ class Senders(Generic[H]):
         return {i: value + _GIVEN for i, value in values.items() if value > -math.inf}
 
     def _near(self, train: Train[H]) -> list[H]:
-        """Detectors in whose band a train may be, by the numbers of their tags."""
         reach_hz, rate_hz = self._reach_hz, self._rate_hz
         places: set[int] = set()
         for alias_hz in (-rate_hz, 0.0, rate_hz):
@@ -383,7 +377,6 @@ class Senders(Generic[H]):
         _give(train, tag_id, tuple(others))
 
     def _likelihood(self, train: Train[H], hearer: Hearer) -> float:
-        """Log-likelihood of a train's interval and frequency if a tag sent it."""
         if not hearer.could_be(train.frequency_hz):
             return -math.inf
         tag = hearer.tag
@@ -403,7 +396,6 @@ class Senders(Generic[H]):
         return best - 0.5 * min((miss_hz / sigma_hz) ** 2, _MOST_MISS)
 
     def _learn(self, train: Train[H], tag_id: int) -> None:
-        """Keep the interval of a tag that nothing else can be."""
         tag = self._by_tag[tag_id].tag
         nominal_s = min(tag.pulse_intervals_s, key=lambda s: abs(s - train.interval_s))
         bound = INTERVAL_DRIFT + _BOUND_SIGMAS * train.sigma_s / nominal_s
@@ -460,7 +452,6 @@ def _reported_ns(track: Track) -> list[int]:
 
 
 def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
-    """Let one detector report a train and silence the others."""
     reported_ns = [
         slot.time_ns
         for hearer, track in train.tracks
@@ -504,7 +495,6 @@ class _Reported(Generic[H]):
 
 
 def _pass_over(track: Track, told_ns: Iterable[int]) -> None:
-    """Leave out pulses already reported under another tag's number."""
     near_ns = 0.75e9 * track.tag.pulse_width_s
     times = list(told_ns)
     for slot in track.slots:

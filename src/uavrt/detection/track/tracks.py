@@ -345,7 +345,6 @@ class Track:
         self.last_accepted_s = -math.inf
 
     def _keep_slots(self, count: int) -> None:
-        """Keep the newest slots, and of the accepted before them the times."""
         old = [s.time_ns for s in self.slots[:-count] if s.state in ("accepted", "reported")]
         if old:
             self.past_ns += old
@@ -427,7 +426,6 @@ class Track:
         return max(empty, min(noise, slot.no_burst))
 
     def _weigh(self, slot: Slot) -> None:
-        """Trust the track more, or less, for what was found at a place."""
         if self.tag.k > MOST_TOLD_BY_ONE:
             return
         self.trust += max(-_TRUST_LOST, min(_TRUST_WON, slot.said))

@@ -43,10 +43,7 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def set_up_rivals(track: Track) -> None:
-    """Let the other rate begin at each pulse heard at which no rival has begun yet.
-
-    `track`: confirmed; changed in place.
-    """
+    """Let the other rate begin at each pulse heard at which no rival has begun yet."""
     since_s = max((rival.settled_s for rival in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.slots:
@@ -56,7 +53,6 @@ def set_up_rivals(track: Track) -> None:
 
 
 def _rival(track: Track, start: Slot) -> Track:
-    """The tag's other rate from a pulse on."""
     rate = 3 - track.rate
     nominal_s = track.tag.pulse_intervals_s
     rival = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
@@ -152,7 +148,6 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
     The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
 
-    `enr`: ENR that the pulses have.
     Returns: log-likelihood ratio to noise in all of them.
     """
     return sum(
