@@ -35,7 +35,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 BATCH_S = 0.44
 """Longest that samples are gathered before the search goes on: latency against NumPy's price of
-a call. Five blocks of 87.4 ms are 0.437 s; a pulse is told 0.04 s after it at the soonest."""
+a call. Five blocks of 87.4 ms are 0.437 s; a pulse is reported 0.04 s after it at least."""
 _FIRST_STEP = 0.7639
 """First step over a later one: after three blocks of 87 ms there is noise to learn from."""
 _MAXIMUM_TRACKS = 12
@@ -111,7 +111,6 @@ class PulseDetector:
         self._start()
 
     def _look_around(self, offset_hz: float, half_width_hz: float) -> None:
-        """Lay the grid of the search around a frequency."""
         self._home_hz = offset_hz
         self._bounds = bounds = Bounds(
             tag=self.tag,
@@ -136,12 +135,10 @@ class PulseDetector:
         return SearchBand(grid=self._grid, buffer=self._buffer, bounds=bounds, batch_s=BATCH_S)
 
     def _take_band(self, band: SearchBand) -> None:
-        """Search in a band, and measure by its noise."""
         self.band = band
         self._refiner.leveller = band.leveller
 
     def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
-        """(Re)start everything that hangs on unbroken samples."""
         self._intake.clear()
         self._take_band(self._make_band())
         self._cleaner = Cleaner(
@@ -326,7 +323,6 @@ class PulseDetector:
         return [t for t in self._tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
-        """Clean, transform and search the samples up to an index."""
         if upto <= self._clean and not last:
             return
         self.prepare(upto)
@@ -336,7 +332,9 @@ class PulseDetector:
         """Clean the samples up to an index."""
         renew = self._advances % 6 == 1 or self.band.leveller.unsteady
         self._cleaner.clean(self._buffer, self._clean, upto, renew=renew)
-        self.band.note_lines(many=self._cleaner.many_lines)
+        self.band.note_cleaning(
+            many_lines=self._cleaner.many_lines, whitened=self._cleaner.whitening
+        )
         self._advances += 1
         self._refiner.upto = upto
         self._clean = upto
@@ -372,9 +370,9 @@ class PulseDetector:
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""
         taken: list[list[Measured]] = []
-        afresh = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
+        untracked = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
         rate_hz = self.sample_rate_hz
-        known = None if afresh else self._judge.known(self._tracks)
+        known = None if untracked else self._judge.known(self._tracks)
         for candidate in self._judge.unexplained(found, search, known):
             if not self._judge.is_new(candidate, search, taken):
                 continue
@@ -388,7 +386,10 @@ class PulseDetector:
                 continue
             taken.append(group)
             clash = [t for t in self._tracks if self._judge.overlaps(t, group)]
-            if any(t.confirmed or self._judge.equals(t, group) for t in clash) and not afresh:
+            if (
+                any(t.confirmed or self._judge.equals(t, group) for t in clash)
+                and not untracked
+            ):
                 continue
             places, reason = self._judge.own_pulses(
                 places,
@@ -404,7 +405,7 @@ class PulseDetector:
                 (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
                 for place, m in places
             ]
-            if afresh:
+            if untracked:
                 track = joined(
                     self._tracks,
                     pulses,
@@ -425,7 +426,6 @@ class PulseDetector:
         *,
         held: bool,
     ) -> None:
-        """Begin a track with a group."""
         track = Track(
             tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=max(1.0, candidate.score)
         )
@@ -447,7 +447,6 @@ class PulseDetector:
             )
 
     def _around(self, track: Track, found: Measured) -> OnAir:
-        """What else is on air around a track's place."""
         if self._bursts is None:
             known = [
                 (slot.measured.start, slot.measured.offset_hz, math.inf)
@@ -468,7 +467,6 @@ class PulseDetector:
         return self._bursts.around(track, found)
 
     def _settle(self) -> None:
-        """Decide which track is the tag, and report what it has found."""
         if self.senders is not None:
             for track in self._tracks:
                 # Of what has just been confirmed they decide first whose it is.
@@ -478,7 +476,6 @@ class PulseDetector:
             self._reporter.settle(self._tracks, self._home_hz, self.now_s)
 
     def _owner(self) -> Track | None:
-        """The track that is the tag."""
         if self.senders is None:
             return self._reporter.owner(self._tracks, self._home_hz, self.now_s)
         tags = (t for t in self._tracks if t.confirmed and t.ghost_of is None)

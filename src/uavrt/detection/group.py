@@ -43,8 +43,8 @@ class _Member:
     taken: int = 0
     """Blocks of the channel."""
     due: int = 0
-    """So many samples of the channel, the longest of the newest blocks counted twice, may come
-    before it must be looked at; 0: none."""
+    """Samples of the channel, the longest of the newest blocks counted twice, that may come
+    before it must be searched; 0: none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -118,7 +118,6 @@ class DetectorGroup:
         self._find_company()
 
     def __contains__(self, channel: Hashable) -> bool:
-        """Whether a channel was added."""
         return channel in self._channels
 
     @property
@@ -203,7 +202,6 @@ class DetectorGroup:
         return self.collect()
 
     def _search(self) -> None:
-        """Advance all detectors that are due."""
         due, self._due = self._due, []
         active = []
         for line in due:
@@ -234,7 +232,7 @@ class DetectorGroup:
                 detector.prepare(upto)
                 key = None
                 if detector.tag.tag_id not in self.alone:
-                    key = detector.band.company(upto)
+                    key = detector.band.batch_key(upto)
                 steps.setdefault(member if key is None else key, []).append((detector, upto))
             for some in steps.values():
                 for first in range(0, len(some), _TOGETHER):
@@ -276,27 +274,24 @@ class DetectorGroup:
 
     @staticmethod
     def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
-        """The groups of detectors that these share bands with, each once."""
         found = {id(d.senders): d.senders for d in detectors if d.senders is not None}
         return list(found.values())
 
     def _find_company(self) -> None:
-        """Group the detectors whose bands overlap."""
         able = [
             detector
             for detector in self.detectors
             if detector.operating_mode is not OperatingMode.ALL_NEVER_LOCK
         ]
         for places in overlapping([_band_hz(detector) for detector in able]):
-            company = [able[place] for place in places]
-            known = company[0].senders
-            if len(company) > 1 and (known is None or len(known.hearers) < len(company)):
-                senders = Senders(company)
-                for detector in company:
+            together = [able[place] for place in places]
+            known = together[0].senders
+            if len(together) > 1 and (known is None or len(known.hearers) < len(together)):
+                senders = Senders(together)
+                for detector in together:
                     detector.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
-        """Advance prepared detectors that share a band."""
         self.in_hand = tuple(detector for detector, _ in steps)
         if len(steps) == 1:
             detector, upto = steps[0]
@@ -320,7 +315,6 @@ class DetectorGroup:
                 search.settle_in(self._memory, base)
 
     def _build(self) -> None:
-        """Make a memory for the rings of all, and move them in."""
         total = 0
         longest = 0
         for line in self._channels.values():
@@ -338,13 +332,11 @@ class DetectorGroup:
 
 
 def _band_hz(detector: PulseDetector) -> tuple[float, float]:
-    """Edges of a detector's search."""
     nominal_hz, half_hz = detector.tag.frequency_hz, detector.half_width_hz
     return nominal_hz - half_hz, nominal_hz + half_hz
 
 
 def _forget(line: _Channel) -> None:
-    """Drop the blocks that all members have taken."""
     taken = min(member.taken for member in line.members) - line.before
     del line.blocks[:taken]
     line.before += taken

@@ -23,4 +23,4 @@ class OperatingMode(StrEnum):
     """Search only ± 100 Hz around the tag's nominal frequency, from the start and always."""
     ALL_NEVER_LOCK = "freqAllNeverLock"
     """The whole channel always, and no track: each group reaches the search's threshold by
-    itself. Groups of all frequencies are told under the tag's number."""
+    itself. Groups of all frequencies are reported under the tag's number."""

@@ -21,8 +21,8 @@ from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
 CHEAP_TAGS: Final = 50
-"""Lists that are no dearer than so many usual tags (K = 3, ± 60 ms, ± 500 Hz: a fifth of a core
-here) are not measured."""
+"""Cost up to which a list is not measured, in usual tags (K = 3, ± 60 ms, ± 500 Hz); this many
+take a fifth of a core here."""
 _USUAL: Final = 3**2 * 0.06 * 1000.0
 """K², uncertainty [s] and width of the search [Hz] of such a tag."""
 _LEAST_UNCERTAINTY_S: Final = 0.003
@@ -33,13 +33,13 @@ _MEASURED_S: Final = 3.0
 """Of signal, some searches of each detector."""
 _TOGETHER: Final = 4
 _DEAR: Final = 10.0
-"""Tags that cost as much as so many usual ones are measured one by one."""
+"""Least cost of a tag that is measured by itself, in usual tags."""
 _HEARD_POWER: Final = 40.0
 """ENR of the pulses of a tag that is heard."""
 _CODE_SHARE: Final = 2e-4
 """Of a core, for each code: 500 take less than a tenth of one."""
 _MOST_CPU_S: Final = 2.0
-"""So much is spent on measuring; the kinds of tags that are left go with the dearest."""
+"""Most that is spent on measuring; other kinds of tags count as the dearest measured [s]."""
 
 
 def search_cost(
@@ -50,9 +50,6 @@ def search_cost(
 ) -> float:
     """Measure what searching for tags will cost.
 
-    `tags`: all that will be searched for.
-    `cpu_s`: processor time used so far [s].
-    `settings`: how; by default as usual.
     Returns: processor cores that the detectors need in real time while one tag of each kind is
     heard; 0.0 for lists too cheap to matter.
     """

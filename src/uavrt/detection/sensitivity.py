@@ -31,8 +31,8 @@ _GAIN_DB = np.array([0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05])
 by K: the difference to the ENR for Pd .5 that the experiments measure."""
 _LOSS_BURSTS = np.log(np.array([1.0, 3.0, 10.0]))
 _LOSS_DB = np.array([0.2, -0.1, 0.2])
-"""What cells that lie beside the pulses cost the sums of so many bursts of a coded tag, less
-what a closer look gains: the difference to what experiment E23 measures."""
+"""Loss of a coded tag's sums, by the bursts, from cells that lie off the pulses, less what a
+closer look gains: the difference to what experiment E23 measures."""
 _STEP = 0.02
 """Of the distributions of cells, in noise powers."""
 

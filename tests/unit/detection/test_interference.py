@@ -168,7 +168,7 @@ def test_while_many_lines_are_taken_out_a_group_must_be_stronger() -> None:
         detector.process(samples[first : first + 653], time_ns)
     [search] = detector.band.anchor_searches()
     before = search.margin
-    detector.band.note_lines(many=True)
+    detector.band.note_cleaning(many_lines=True, whitened=False)
     assert search.margin == pytest.approx(1.025 * before)
-    detector.band.note_lines(many=False)
+    detector.band.note_cleaning(many_lines=False, whitened=False)
     assert search.margin == before

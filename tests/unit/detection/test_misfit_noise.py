@@ -8,6 +8,7 @@ from depth import share
 from made import detector as made_detector
 from numpy.typing import NDArray
 
+from uavrt.detection.search.null_lattices import NullLattices
 from uavrt.detection.signal.whitening import Whitener
 from uavrt_experiments.detection.false_alarms import count_false
 from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise, over_noise
@@ -157,3 +158,23 @@ def test_a_whitener_leaves_white_noise_and_strong_pulses_as_they_are() -> None:
     for first in range(0, len(samples), 1650):
         whitener.learn(samples[first : first + 1650])
         assert not whitener.active
+
+
+@pytest.mark.parametrize(("coloured", "raised"), [(False, False), (True, True)])
+def test_an_excess_of_groups_raises_the_threshold_sooner_in_coloured_noise(
+    coloured: bool, raised: bool
+) -> None:
+    null = NullLattices(
+        lows=np.zeros((3, 2), np.intp),
+        interval=500.0,
+        expected_per_column=1e-4,
+        threshold=25.0,
+        limit=20.0,
+    )
+    null.coloured = coloured
+    hits = iter(range(10**9))
+    # 1.4 times the groups of white noise, which are 0.68 of those calculated.
+    for _ in range(400):
+        null.count(1000, lambda _lows, _shorter: next(hits) * 7919 % 1000 < 95)
+    assert (null.factor(25.0) > 1.02) == raised
+    assert raised or null.factor(25.0) == 1.0

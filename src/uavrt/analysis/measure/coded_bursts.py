@@ -205,7 +205,7 @@ def _pulses(
     def crossing(inside: NDArray[np.intp], step: int) -> NDArray[np.float64]:
         beyond = amplitude[inside + step]
         share = (amplitude[inside] - 0.5 * tops) / np.maximum(amplitude[inside] - beyond, 1e-9)
-        return inside + step * np.clip(share, 0.0, 1.0)
+        return np.asarray(inside + step * np.clip(share, 0.0, 1.0), np.float64)
 
     rise, fall = crossing(first, -1), crossing(last, 1)
     middles = 0.5 * (rise + fall) - 1.0 + 0.5 * cells.length / cells.hop

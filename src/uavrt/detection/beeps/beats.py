@@ -49,8 +49,6 @@ def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> li
     """Find beats, the one with the most pulses first.
 
     `times_s` (n,): bursts at one frequency, ascending.
-    `span_s`: length of the recording.
-    `most`: how many to look for.
     """
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []

@@ -28,8 +28,6 @@ def gapped_tags(
 
     `points`: at absolute frequencies, in order of time.
     `tags`: those of which no train was found.
-    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
-    `start_ns`: time from which the points' times count.
     """
     found = []
     for tag in tags:

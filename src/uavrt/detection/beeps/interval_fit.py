@@ -36,7 +36,6 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
     fifth, a slow drift, and jitter do no harm as long as not many pulses in a row are missing.
 
     `times_s` (n,): ascending.
-    `interval_s`: about the interval.
     Returns: (n,) zero for the first; two pulses have equal numbers when they are closer than
     half an interval.
     """
@@ -59,7 +58,6 @@ def fit_beat(times_s: NDArray[np.float64], interval_s: float) -> Beat:
     """Fit the interval by least squares.
 
     `times_s` (n,): times of pulses, ascending; at least two.
-    `interval_s`: about the interval.
     """
     numbers = number_pulses(times_s, interval_s)
     centred = numbers - numbers.mean()

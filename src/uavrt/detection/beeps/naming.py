@@ -37,11 +37,8 @@ def name_trains(
     """Name trains, the strongest first.
 
     `trains`: at absolute frequencies.
-    `tags`: all that are searched for.
-    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
     `center_hz`: the radio's frequency, at which a spectrum is mirrored where I and Q are
     swapped.
-    `start_ns`: time from which the points' times count.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
     listed_ids = {

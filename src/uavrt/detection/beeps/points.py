@@ -2,7 +2,7 @@
 
 A cell of the spectrogram is a point if it stands above three things: its own frequency at other
 times, which removes carriers; other frequencies at its own time, which removes impulses, noise
-in bursts and voice; and what lies 0.6 to 1.1 kHz beside it, which removes the spectrum that a
+in bursts and voice; and what lies 0.6 to 1.1 kHz away, which removes the spectrum that a
 strong pulse's keying spreads. The cost is proportional to the samples.
 """
 
@@ -32,7 +32,7 @@ _SEGMENT: Final = 64
 _BESIDE: Final = (10, 17)
 """Distance at which a pulse's spectrum has fallen off, that of 2.5 ms included [bins]."""
 _BESIDE_RATIO: Final = 10.0
-"""A pulse's peak over the mean level beside it, as a power ratio."""
+"""A pulse's peak over the mean level at that distance, as a power ratio."""
 _AROUND: Final = 13
 """Frames before and after a point by which its length is judged; 104 ms."""
 _LONGEST_S: Final = 0.1
@@ -61,7 +61,6 @@ class Points:
     """(n,) power over the noise in 94 Hz."""
 
     def __len__(self) -> int:
-        """Count the points."""
         return self.times_s.size
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
@@ -86,8 +85,6 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 class PointSearch:
     """Finds pulses in a stream of samples.
 
-    `sample_rate_hz`: rate of the samples.
-    `low_hz`, `high_hz`: frequencies to search, relative to the band's centre.
     `most_cells`: cells of the spectrogram that are kept and searched at once.
     """
 
@@ -136,7 +133,6 @@ class PointSearch:
         self._take_frames(_LEAST_FRAMES)
 
     def _take_frames(self, least: int) -> None:
-        """Add the spectra of the samples that wait, if they are enough."""
         data, length, hop = self._tail, self._window.size, self._hop
         frames = (data.size - length) // hop + 1 if data.size >= length else 0
         if frames < least:
@@ -181,7 +177,6 @@ class PointSearch:
             target += part.imag**2
 
     def _search(self, until: int) -> None:
-        """Find the points of the frames that wait, up to one in the batch."""
         power = self._power[: self._filled]
         held = power[-self._held :].copy()
         usual = medians(power[::2])
@@ -235,15 +230,14 @@ class PointSearch:
         column: NDArray[np.intp],
         over: NDArray[np.float32],
     ) -> NDArray[np.float64]:
-        """Judge cells by their surroundings; measure those that are pulses."""
         frames, bins = power.shape
 
         def around(rows: range, columns: range) -> NDArray[np.float32]:
             """Levels about each cell, shape (cells, rows, columns); zero outside."""
             at = row[:, None, None] + np.array(rows)[:, None]
-            beside = column[:, None, None] + np.array(columns)
-            inside = (at >= 0) & (at < frames) & (beside >= 0) & (beside < bins)
-            values = power[np.clip(at, 0, frames - 1), np.clip(beside, 0, bins - 1)]
+            bins_at = column[:, None, None] + np.array(columns)
+            inside = (at >= 0) & (at < frames) & (bins_at >= 0) & (bins_at < bins)
+            values = power[np.clip(at, 0, frames - 1), np.clip(bins_at, 0, bins - 1)]
             return np.where(inside, values, np.float32(0.0))
 
         own = power[row, column]
@@ -254,8 +248,8 @@ class PointSearch:
             [around(range(1), range(-high, 1 - low)), around(range(1), range(low, high + 1))],
             axis=2,
         )[:, 0]
-        beside = sides.sum(axis=1) / np.maximum((sides > 0.0).sum(axis=1), 1)
-        keep = own >= _BESIDE_RATIO * beside
+        flanks = sides.sum(axis=1) / np.maximum((sides > 0.0).sum(axis=1), 1)
+        keep = own >= _BESIDE_RATIO * flanks
         row, column, over, own = row[keep], column[keep], over[keep], own[keep]
         levels = around(range(-_AROUND, _AROUND + 1), range(-1, 2)).max(axis=2)
         up = levels > 0.25 * own[:, None]

@@ -108,8 +108,6 @@ class _Band:
 class BeepSearch:
     """Names everything that beeps.
 
-    `tags`: all that are searched for.
-    `frequency_window_hz`: half-width of each tag's search.
     `receiver`: centre and rate of the radio.
     `live`: report while the stream runs, at a lower cost.
     """
@@ -175,7 +173,6 @@ class BeepSearch:
         return self._near.dropped + self._whole.dropped
 
     def _wanted(self, one: Beep) -> int:
-        """Pulses that make it news."""
         return max([_LEAST_LIVE, *(2 * old.pulses for old in self._known if old.same_as(one))])
 
     def _found(self, *, ended: bool) -> list[Beep]:

@@ -101,8 +101,6 @@ def find_trains(
 ) -> tuple[list[Train], list[float]]:
     """Find all trains among points.
 
-    `points`: in order of time.
-    `span_s`: duration of the samples.
     `receiver`: the radio's centre, on the same scale as the frequencies of the points, and its
     rate.
     Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
@@ -175,7 +173,6 @@ def _centers(points: Points) -> list[float]:
 
 
 def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.intp]]:
-    """Make a train of the beats of one sender."""
     members = np.unique(np.concatenate([beat.members for beat in group]))
     own = here.take(members)
     beats = tuple(

@@ -30,7 +30,6 @@ _LEAST_RISE = 0.85
 class Cells:
     """Makes and keeps the cells of one channel.
 
-    `low_hz`, `high_hz`: band that is searched, relative to the channel's centre.
     `kept_s`, `recent_s`: how long cells are kept as bytes, and as they are.
     """
 

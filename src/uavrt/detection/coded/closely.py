@@ -15,27 +15,24 @@ from uavrt.detection.coded.cells import NEUTRAL, UNIT, Cells
 from uavrt.messages import Tag
 
 _TURNS_HZ = (-42.0, 0.0, 42.0)
-"""Beside the row: a third of the rows' spacing."""
+"""Distances from the row: a third of the rows' spacing."""
 _STRETCHES = (-0.25, 0.0, 0.25)
-"""Of the tolerance, beside the stretch of the seed."""
+"""Of the tolerance, added to the stretch of the seed."""
 _SHIFTS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Columns."""
 _DRIFTS = (-1.0, 0.0, 1.0)
-"""Columns from the first to the last burst, beside the interval of the sum."""
+"""Columns from the first to the last burst, added to the interval of the sum."""
 _NEAR = 3
 """Columns by which a pulse may be moved: what is hidden must not come back so."""
 _HIDDEN = 0.25 * math.pi
 """Energy of a pulse that is hidden: its amplitude is the mean of noise."""
 _MARGIN = 6
-"""Columns beside a pulse that are loaded."""
+"""Columns on each side of a pulse that are loaded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
     """What several bursts are, looked at closely.
 
-    `begins` (bursts,): columns at which the bursts begin.
-    `columns` (bursts, pulses): of the pulses.
     `energies` (bursts, pulses): in noise energies; what is hidden has the usual of noise, what
     lies beyond the cells 0.
     """
@@ -51,7 +48,6 @@ def look(
     """Find where between the cells a sum is largest.
 
     `part`: of the tolerance by which the gaps together are stretched.
-    `begins` (bursts,): columns at which the bursts begin.
     `most`: that a pulse counts [noise energies].
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
@@ -81,7 +77,7 @@ def look(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Sums over the samples from some columns on, turned to a row and beside it.
+    """Sums over the samples from some columns on, turned to a row and its sides.
 
     They have turns, bursts, pulses, and n + 1; the flags say which pulses have all samples.
     """
@@ -123,7 +119,7 @@ def _energies(
 
 def _hidden(cells: Cells, columns: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether kept cells at or near a column were taken for noise, in all rows."""
-    beside = columns[..., None] + np.array((-_NEAR, 0, _NEAR))
-    at = np.clip(beside - cells.base, 0, cells.kept.shape[1] - 1)
+    near = columns[..., None] + np.array((-_NEAR, 0, _NEAR))
+    at = np.clip(near - cells.base, 0, cells.kept.shape[1] - 1)
     hidden: NDArray[np.bool_] = (cells.kept[:, at] == NEUTRAL).all(axis=0).any(axis=-1)
     return hidden

@@ -37,7 +37,7 @@ _STEP_S = 0.4
 _STRONG = 25.0
 """Cells above this are none of a tag that only several bursts show [noise energies]."""
 _ECHOING, _ECHO_PULSES = 200.0, 5
-"""Of cells above this filters leave an echo that is not small, for so many pulse widths."""
+"""Cells above this leave an echo of the filters, for this number of pulse widths."""
 _TRACKED = 1e-6
 """Chance of noise in a cell where a burst of an identified tag is expected."""
 _EXPECTED = 6.0
@@ -45,17 +45,15 @@ _EXPECTED = 6.0
 _SAME_S = 0.02
 """Bursts of one tag that begin within this are one."""
 _LEAST_ENERGY = 0.25
-"""Of a burst's pulses on average over the noise: what has less is not told as a record."""
+"""Of a burst's pulses on average over the noise: what has less makes no record."""
 
 
 class CodedDetector:
     """Finds the bursts of coded tags in the samples of a channel.
 
     `tags`: coded tags of this channel.
-    `sample_rate_hz`: rate of the channel's samples.
     `center_frequency_hz`: frequency of the channel's centre, absolute.
     `frequency_window_hz`: half-width of the search around the tags' nominal frequencies.
-    `false_per_hour`: identities that noise may make, of each code.
     Raises `ConfigError`: a tag lies outside the channel, or a number makes no sense.
     """
 
@@ -78,7 +76,7 @@ class CodedDetector:
         self._false_per_hour = false_per_hour
         self.counters = Counters()
         self.collisions = 0
-        """Bursts that lay on others so that they could not be told."""
+        """Bursts that could not be distinguished from others at the same time."""
         self._width_s = min(tag.pulse_width_s for tag in self.tags)
         self._cells = self._make_cells(window_hz)
         column_s = self._cells.column_s
@@ -146,7 +144,6 @@ class CodedDetector:
         )
 
     def _start(self) -> None:
-        """(Re)start all that hangs on unbroken samples."""
         self._intake.clear()
         self._cells.restart()
         self._cleaner = Cleaner(
@@ -176,7 +173,6 @@ class CodedDetector:
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
         """Process a block of samples.
 
-        `samples`: shape (n,).
         `time_ns`: time at the antenna of the first sample [ns, UTC].
         Returns: a record for each burst found since the last call.
         """
@@ -208,7 +204,6 @@ class CodedDetector:
         return sorted(found, key=lambda pulse: pulse.start_time_ns)
 
     def _finish(self) -> None:
-        """Search what is left, with nothing behind it."""
         buffer, cells = self._intake.buffer, self._cells
         if not buffer.empty:
             beyond = 2 * self._span * cells.hop + cells.length + self._cleaner.margin
@@ -216,7 +211,6 @@ class CodedDetector:
             self._go_on(last=True)
 
     def _go_on(self, *, last: bool) -> None:
-        """Search as far as the samples reach."""
         buffer = self._intake.buffer
         step = round(_STEP_S * self.sample_rate_hz)
         while True:
@@ -237,7 +231,6 @@ class CodedDetector:
             self._report_search(buffer.time_ns(self._clean))
 
     def _search(self, *, last: bool) -> None:
-        """Search the bursts that are complete; decide those that nothing can hide."""
         whole = self._cells.end - self._span
         if whole <= self._searched:
             return
@@ -256,7 +249,6 @@ class CodedDetector:
         self._on_air.forget(whole - 3 * self._span)
 
     def _claimed(self, book: CodeBook, whole: int) -> list[Burst]:
-        """Bursts of any code that are strong enough by themselves."""
         limits = self._least[book.pulses]
         clip = min(CLIP, 255 // book.pulses)
         fewest = least_pulses(book.pulses)
@@ -269,7 +261,6 @@ class CodedDetector:
         return measure(self._cells, book, seeds, limits, self._foreign.per_hour)
 
     def _expected(self, whole: int) -> list[Burst]:
-        """Bursts of identified tags, where they are expected; weaker ones do."""
         cells, found = self._cells, []
         upto_ns = self._time_ns(whole)
         self._tracks.forget(upto_ns)
@@ -290,7 +281,6 @@ class CodedDetector:
     def _best_seed(
         self, book: CodeBook, code: int, row: int, first: int, last: int
     ) -> NDArray[np.int32]:
-        """The largest sum of one code at some columns, near a row."""
         cells = self._cells
         low, high = max(0, row - 1), min(len(cells.recent), row + 2)
         at = np.arange(first, last) - cells.recent_from
@@ -358,7 +348,6 @@ class CodedDetector:
                     cells.hide(begin, min(end, upto) - begin)
 
     def _time_ns(self, column: float) -> int:
-        """Time of the start of a pulse in a column."""
         index = column * self._cells.hop
         at = max(0, bisect.bisect_right(self._stamps[0], index) - 1)
         ahead_s = (index - self._stamps[0][at]) / self.sample_rate_hz
@@ -370,7 +359,6 @@ class CodedDetector:
         return (self._stamps[0][at] + ahead_s * self.sample_rate_hz) / self._cells.hop
 
     def _sighting(self, burst: Burst) -> Sighting:
-        """Measure a burst that was found by itself."""
         cells, good = self._cells, burst.good
         tag = burst.book.tags[burst.code]
         columns = burst.columns[good]
@@ -380,7 +368,7 @@ class CodedDetector:
         energies = self._energies(burst.row, start + offsets)
         offset_hz, gained = self._frequency(burst.row, columns)
         rate = self._foreign.per_hour if burst.prior else self._foreign.about(burst)
-        alternatives = [self._tracks.tags[tag_id] for tag_id in burst.rivals]
+        alternatives = [self._tracks.tags[tag_id] for tag_id in burst.also_possible]
         return Sighting(
             tags=(tag, *alternatives),
             hit=tuple(burst.hit_by),
@@ -401,7 +389,7 @@ class CodedDetector:
         """How far the pulses lie from the columns in which their cells are the largest.
 
         A matched filter of a rectangular pulse falls off linearly to both sides: amplitudes
-        beside the top say how far it lies between.
+        next to the top show how far it lies between.
         """
         cells = self._cells
         at = columns - cells.recent_from
@@ -413,7 +401,6 @@ class CodedDetector:
         return shift.clip(-1.0, 1.0)
 
     def _energies(self, row: int, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energies of pulses at places between columns."""
         cells = self._cells
         near = np.rint(places).astype(np.intp)
         lost = 1.0 - np.abs(places - near) / cells.pulse
@@ -438,7 +425,6 @@ class CodedDetector:
         return offset_hz, 1.0 / max(away**2, 0.5)
 
     def _tell_several(self, found: Found) -> None:
-        """Report the bursts that only together were found."""
         required = self._required(self._foreign.per_hour)
         if found.unlisted < required - DOUBT:
             return
@@ -460,8 +446,8 @@ class CodedDetector:
                 noise=float(self._cells.noise[found.row]),
                 row=found.row,
                 score=found.score,
-                confirmed=found.unlisted >= required and not found.rivals,
-                others=found.rivals,
+                confirmed=found.unlisted >= required and not found.also_possible,
+                others=found.also_possible,
             )
 
     def _tell(
@@ -478,11 +464,11 @@ class CodedDetector:
         confirmed: bool,
         others: tuple[int, ...],
     ) -> None:
-        told = self._told[tag.tag_id]
-        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in told):
+        reported = self._told[tag.tag_id]
+        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in reported):
             return
-        told.append(start_ns)
-        del told[:-64]
+        reported.append(start_ns)
+        del reported[:-64]
         track = self._tracks.hear(tag.tag_id, start_ns, row) if confirmed else None
         interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
         error_s = tag.interval_uncertainty_s if track is None else track.error_s

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FADING = 0.12
-"""Standard deviation of the strength within a burst, of its amplitude, beside the noise."""
+"""Standard deviation of the strength within a burst, of its amplitude, without the noise's."""
 _COINCIDENCE = 0.05
 """Chance that a pulse of another code's burst lies at a place: 3 ms of a gap of 57 ms."""
 _HIT = 1e-3
@@ -47,7 +47,6 @@ class Evidence:
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
     """Log likelihood ratio from which a burst is the listed code's.
 
-    `foreign_per_hour`: bursts that no listed code explains.
     `false_per_hour`: identities that they may make, of each code.
     """
     return math.log(_ALIGNMENTS * foreign_per_hour / false_per_hour)
@@ -64,7 +63,6 @@ def evidence(
 
     `energies` (n, places): sums over the bursts, in noise energies.
     `usable` (n, places): places that say something: not hit by another burst.
-    `foreign_per_hour`: bursts that no listed code explains.
     `bursts`: summed at each place.
     """
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
@@ -107,7 +105,6 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
     """Log likelihood ratio of bursts in step to one unlisted code's, which are in step, too.
 
     `alone` (bursts, places): as in `Evidence`.
-    `usable`: shape (bursts, places).
     """
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(_COINCIDENCE)
@@ -119,7 +116,6 @@ def evidence_of_sums(
     """Log likelihood ratio of bursts, which only together are found, to unlisted codes.
 
     `energies` (n, bursts, places): in noise energies.
-    `foreign_per_hour`: bursts that no listed code explains.
     `in_step`: chance that an unlisted tag's interval is the listed one.
     """
     # One unlisted tag is in step by chance, or the pulses of several are.

@@ -28,7 +28,7 @@ THREE = 3
 _NEARLY = 0.88
 """Of the least sum, from which a closer look is worth its time."""
 _CERTAIN = 20.0
-"""A sum must be better by so much than that of another code with the same pulses."""
+"""Least lead of a sum over that of another code with the same pulses."""
 _BOX = 2048
 """Columns within which seeds that become due wait together."""
 _AWAY = 10
@@ -39,12 +39,8 @@ _AWAY = 10
 class Found:
     """Several bursts of a code, together larger than noise.
 
-    `columns` (bursts, pulses): of the pulses.
-    `energies` (bursts, pulses): in noise energies.
     `score`: sum of amplitudes over its least.
-    `total`: sum of energies.
-    `interval`: columns from burst to burst.
-    `rivals`: ids of tags that may have sent them as well.
+    `also_possible`: ids of tags that may have sent them as well.
     """
 
     tag: Tag
@@ -56,7 +52,7 @@ class Found:
     interval: float
     unlisted: float
     """Log likelihood ratio to codes that are not listed, which are in step by chance."""
-    rivals: tuple[int, ...] = ()
+    also_possible: tuple[int, ...] = ()
 
 
 class Waiting:
@@ -70,11 +66,7 @@ class Waiting:
         self._calls = 0
 
     def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
-        """Have seeds wait until a column is reached, for each its own.
-
-        `seeds`: shape (n, 5).
-        `ends`: shape (n,).
-        """
+        """Have seeds wait until a column is reached, for each its own."""
         self._calls += 1
         columns = np.floor(ends).astype(np.int32)
         call = np.full(len(seeds), self._calls, np.int32)
@@ -103,7 +95,6 @@ class Folds:
     """Seeds of the codes with as many pulses as each other, and what becomes of them.
 
     `kept_s`: how long cells are kept.
-    `false_per_hour`: identities that noise may make, of each code.
     """
 
     def __init__(
@@ -151,8 +142,6 @@ class Folds:
         """Sum about the seeds all of whose later bursts have come.
 
         `whole`: columns before which a burst is complete.
-        `foreign_per_hour`: bursts on the channel that no listed code explains.
-        `last`: nothing comes any more.
         """
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
@@ -186,7 +175,6 @@ class Folds:
         return self._clip_of_three if bursts == THREE else self._clip
 
     def _least(self, bursts: int) -> NDArray[np.float64]:
-        """Least sums of so many bursts, by code."""
         if bursts not in self._least_of:
             limits = [
                 sum_limit(
@@ -263,7 +251,7 @@ class Folds:
                 near = one.energies.shape == other.energies.shape and (
                     one.total > other.total - _CERTAIN
                 )
-                if near and one.tag.tag_id not in (other.tag.tag_id, *other.rivals):
+                if near and one.tag.tag_id not in (other.tag.tag_id, *other.also_possible):
                     chosen[place] = _with_rival(other, one.tag.tag_id)
         return chosen
 
@@ -275,4 +263,4 @@ def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
 
 
 def _with_rival(found: Found, tag_id: int) -> Found:
-    return replace(found, rivals=(*found.rivals, tag_id))
+    return replace(found, also_possible=(*found.also_possible, tag_id))

@@ -16,7 +16,7 @@ _MEMORY_S = 300.0
 _START_S = 10.0
 """Added to the time since the start: a first burst is no rate."""
 _WEAKEST, _SURE = 10.0, 14.0
-"""Noise energies of a foreign pulse beside two others, and of one alone."""
+"""Noise energies of a foreign pulse with two others, and of one alone."""
 _BESIDE = 0.25
 """Of a burst's mean energy, the least of a foreign pulse that speaks against it."""
 _ROWS = 2

@@ -37,10 +37,7 @@ def in_step(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
     """Look for bursts whole burst intervals before and after one.
 
-    `others_s` (n,): times of the other bursts.
     `tag`: whose interval it is.
-    `timing_s`: by which a time may be off.
-    `most`: intervals to either side.
     Returns (expected_s, gains, which), each (2 most,): the places in time; log odds that a
     burst found there is the tag's, 0 for none; the nearest of the others to each place.
     """
@@ -68,7 +65,6 @@ def likeliest(
 
     `others_s`: times of the other bursts that each of the tags may have sent.
     `heard_s`: begin and end of the time that was searched.
-    `timing_s`: by which a time may be off.
     Returns: places among the tags, the likeliest first; more than one if that is open.
     """
     scores = []
@@ -102,7 +98,6 @@ class Sighting:
     alone: NDArray[np.float64]
     """Log likelihood ratio of each of the code's pulses to noise or another's pulse."""
     good: NDArray[np.bool_]
-    """Pulses that count."""
     unlisted: float
     """Log likelihood ratio to codes that are not listed."""
     required: float
@@ -138,7 +133,6 @@ class Sightings:
         """Take new bursts; give those that are to be reported, and whose they are.
 
         `now_ns`: time up to which bursts were searched.
-        `last`: nothing comes any more.
         Returns: with the ids of other tags that may have sent it; `Sighting.tag_id` is set if
         it is confirmed.
         """
@@ -173,7 +167,6 @@ class Sightings:
         return found
 
     def _others(self, one: Sighting, tag: Tag) -> list[Sighting]:
-        """Other bursts that a tag may have sent, at the frequency of one."""
         return [
             other
             for other in self._by_tag.get(tag.tag_id, [])
@@ -181,7 +174,6 @@ class Sightings:
         ]
 
     def _possible(self, one: Sighting, now_ns: int) -> list[Tag]:
-        """Tags that may have sent a burst, the likeliest first."""
         if len(one.tags) == 1:
             return list(one.tags)
         places = likeliest(
@@ -194,7 +186,6 @@ class Sightings:
         return [one.tags[place] for place in places]
 
     def _suffices(self, one: Sighting, tag: Tag, now_ns: int) -> bool:
-        """Whether a burst is a listed tag's, by itself or with those in step with it."""
         if one.hit:
             return False
         if one.unlisted >= one.required:
@@ -225,5 +216,4 @@ class Sightings:
 
 
 def _times_s(others: Sequence[Sighting], one: Sighting) -> NDArray[np.float64]:
-    """Times of bursts after one."""
     return np.array([one.seconds_to(other.start_ns) for other in others])

@@ -22,7 +22,7 @@ _POOL = 1
 _LEAK = 0.35
 """Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
 _LOUD = 20.0
-"""Noise energies from which on a leak is looked for."""
+"""Least energy for which a leak is searched [noise energies]."""
 _NEARLY = 1.0 - 1e-6
 """Of the least sum: rounding must not decide beforehand."""
 _ALIKE = 0.33
@@ -34,15 +34,15 @@ LEAST_EVIDENCE = 4.0
 _HIGHER = 2.3
 """Noise amplitudes by which a cell near a pulse may be above that of the pulse."""
 _BESIDE = 0.6
-"""Of a pulse's amplitude, most that is before and after it, beside noise …"""
+"""Of a pulse's amplitude, most that is before and after it, noise not counted …"""
 _ENDS = (1.2, 3.2)
 """… at one of these distances [pulse widths]."""
 ASIDE_S, ASIDE_NOISE_S = 0.75e-3, 3e-3
-"""A pulse that lies so far beside its place by the code, more than the others do, and so much
-over its amplitude for noise, is not the code's: half of the gaps' tolerance. By the flanks of
-its pulses a code was taken for one whose gaps are 4.5 ms away together, at 20 dB."""
+"""A pulse further from its place by the code than the others are is not the code's; the second
+is divided by the amplitude, for noise. Half of the gaps' tolerance: by the flanks of its pulses
+a code was taken for one whose gaps are 4.5 ms away together, at 20 dB."""
 _FLANK = 0.8
-"""Of a pulse's amplitude, at most that of its flank; more is itself, beside what hits it."""
+"""Of a pulse's amplitude, at most that of its flank; more is itself, not what hits it."""
 _GUARD_S = 0.5e-3
 """Beyond a pulse width from a pulse, its filters' ringing."""
 _CERTAIN = 10.0
@@ -52,9 +52,8 @@ _MOST_SWAPS = 3
 _NAMED, _SURE_PULSE = 2, 12.0
 """Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
 _NOWHERE = -(2**40)
-"""Column of no pulse."""
 _SATURATED = 12.0
-"""Noise energies from which on kept cells do not tell where a pulse is best."""
+"""Energy at which kept cells no longer show where a pulse is best [noise energies]."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -64,7 +63,6 @@ class Burst:
     `column`: of the first pulse, nearly.
     `offsets` (pulses,): columns of the pulses from there, by the code.
     `columns` (pulses,): where the pulses' cells are largest.
-    `energies` (pulses,): in noise energies.
     `good` (pulses,): pulses that count: alone on air, and like the others.
     `likelihood`: log, over noise.
     """
@@ -87,7 +85,7 @@ class Burst:
     """Log odds that it is sent now, over any other time."""
     score: float = 0.0
     """Sum over its least."""
-    rivals: list[int] = field(default_factory=list)
+    also_possible: list[int] = field(default_factory=list)
     """Ids of tags that may have sent it as well."""
     hit_by: list[int] = field(default_factory=list)
     """Ids of tags whose bursts lie on too many of its pulses."""
@@ -97,9 +95,9 @@ class Burst:
         """Whose it is."""
         return self.book.tags[self.code].tag_id
 
-    def afresh(self) -> "Burst":
+    def renewed(self) -> "Burst":
         """The same claim, to be judged again: what that changes is its own."""
-        return replace(self, good=self.good.copy(), rivals=[])
+        return replace(self, good=self.good.copy(), also_possible=[])
 
 
 def measure(
@@ -114,8 +112,6 @@ def measure(
     """Look at the pulses of seeds among the recent cells; leave out what is no burst.
 
     `seeds` (n, 5): all pulses lie among the recent cells.
-    `limits`: least sum by the number of pulses.
-    `foreign_per_hour`: bursts on the channel that no listed code explains.
     `prior`: log odds that a burst is sent now, over any other time.
     """
     if not len(seeds):
@@ -144,9 +140,9 @@ def measure(
     far = np.rint(np.array(_ENDS) * cells.pulse).astype(np.intp)[:, None, None]
     before = cells.recent[rows, np.maximum(at - far, 0)].min(axis=0)
     after = cells.recent[rows, np.minimum(at + far, last)].min(axis=0)
-    beside = np.sqrt(np.maximum(before, after))
+    around = np.sqrt(np.maximum(before, after))
     good = np.sqrt(tall) <= amplitude * (1.0 + FADING) + _HIGHER
-    good &= beside <= _BESIDE * amplitude + _HIGHER
+    good &= around <= _BESIDE * amplitude + _HIGHER
     aside &= amplitude < _FLANK * np.sqrt(highest)
     good &= ~aside
     # A much stronger signal at another frequency leaks into all rows.
@@ -160,7 +156,7 @@ def measure(
     usual = _median(amplitude, good)[:, np.newaxis]
     # Where nothing lies that could hide a pulse, a pulse is missing.
     enough &= ~((np.sqrt(near) < _HIT * usual) & ~good).any(axis=1)
-    # One beside its place that is as strong as the others is theirs: of another code. Nor do
+    # One off its place that is as strong as the others is theirs: of another code. Nor do
     # flanks of two pulses make a burst with nothing in the other places.
     tops = np.sqrt(highest)
     usual = _median(tops, good)[:, np.newaxis]
@@ -228,11 +224,11 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _aside(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Which pulses lie beside their places by the code, otherwise than the burst's others.
+    """Which pulses lie off their places by the code, unlike the burst's others.
 
     And the energies where they are highest, within a pulse width and at any frequency near.
 
-    In a row beside a tag's frequency its pulses have two tops, each up to half a pulse from the
+    In a row near a tag's frequency its pulses have two tops, each up to half a pulse from the
     middle; where they are is seen in the row that is loudest.
     """
     around = cells.recent.copy()
@@ -248,7 +244,6 @@ def _aside(
 def _best(
     recent: NDArray[np.float32], rows: NDArray[np.int32], at: NDArray[np.intp], reach: int
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Largest of some cells within so many columns, and where."""
     padded = np.pad(recent, ((0, 0), (reach, reach)), mode="edge")
     columns = np.clip(at, 0, recent.shape[1] - 1)
     windows = sliding_window_view(padded.ravel(), 2 * reach + 1)
@@ -276,11 +271,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Keep the bursts of equally many pulses whose good ones suffice, and note their scores.
-
-    `limits`: least sum by the number of pulses.
-    `foreign_per_hour`: bursts on the channel that no listed code explains.
-    """
+    """Keep the bursts of equally many pulses whose good ones suffice, and note their scores."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -381,7 +372,6 @@ class Covered:
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
-        """… and the weakest of these."""
 
     def leaves_nothing_of(self, claim: int) -> bool:
         """Whether too few pulses are left for an identity, and for a name."""
@@ -418,15 +408,15 @@ def decide(
 
     `claims`: weighed; those of one sent burst come in several versions and codes.
     `on_air`: what was accepted before.
-    `limits`: least sums by the pulses of a burst, and by those that count.
     `before`: lost bursts that begin before this column are counted.
-    `foreign_per_hour`: bursts on the channel that no listed code explains.
     Returns: the accepted ones, and how many collided with others and could not be identified.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)
     for _ in range(_MOST_SWAPS):
-        collided = [one for one in best if not one.good.all() or one.rivals or one.hit_by]
+        collided = [
+            one for one in best if not one.good.all() or one.also_possible or one.hit_by
+        ]
         around = {one.tag_id for one in best if any(_meet(one, hit) for hit in collided)}
         others = []
         for tag_id in around:
@@ -445,7 +435,6 @@ def _total(bursts: list[Burst]) -> float:
 
 
 def _meet(one: Burst, other: Burst) -> bool:
-    """Whether two bursts overlap in time."""
     return bool(one.columns[0] <= other.columns[-1] and other.columns[0] <= one.columns[-1])
 
 
@@ -457,7 +446,6 @@ def _greedy(
     foreign_per_hour: float,
     without: frozenset[int],
 ) -> tuple[list[Burst], int]:
-    """Accept the likeliest first, without some tags."""
     ordered = [one for one in claims if one.tag_id not in without]
     ordered.sort(key=lambda one: -one.likelihood)
     covered = Covered(ordered, before_now.guard)
@@ -471,12 +459,12 @@ def _greedy(
             pulses = len(claim.columns)
             for other in covered.whose(i) if covered.count[i] >= pulses - 1 else ():
                 near = claim.likelihood > other.likelihood - _CERTAIN
-                if near and claim.tag_id not in other.rivals:
-                    other.rivals.append(claim.tag_id)
+                if near and claim.tag_id not in other.also_possible:
+                    other.also_possible.append(claim.tag_id)
             if covered.leaves_nothing_of(i):
                 lost += covered.alone[i] > 0 and claim.column < before
                 continue
-        burst = claim.afresh()
+        burst = claim.renewed()
         if covered.count[i]:
             burst.good &= ~covered.pulses[i, :pulses]
             if not weigh([burst], limits[pulses], foreign_per_hour):

@@ -14,7 +14,7 @@ from uavrt.messages import Tag
 FALSE_PER_HOUR = 1e-4
 """Identities that noise may make, of each code."""
 _SHARES = {1: 0.4, 3: 0.2}
-"""Of the sums of so many bursts; the rest is of the longest."""
+"""Of the sums of one burst and of three; the rest is of the longest."""
 _PER_CELL = 60.0
 """Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""
 _PER_INTERVAL = 1.0
@@ -30,7 +30,7 @@ def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
 
 
 def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
-    """Independent sums of so many bursts of one code in an hour."""
+    """Independent sums of a number of bursts of one code in an hour."""
     width_s = tag.pulse_width_s
     cells = 3600.0 / width_s * (bandwidth_hz * width_s + 1.0)
     off_s = 2.0 * (bursts - 1) * tag.interval_uncertainty_s
@@ -61,10 +61,9 @@ def amplitude_limit(
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of amplitudes of so many cells of noise that is reached with a chance.
+    """Sum of amplitudes of cells of noise that is reached with a given probability.
 
     `count`: cells, whose energies are exponential with mean 1.
-    `chance`: at most 0.1.
     """
     low, high = 0.02, 8.0
     for _ in range(50):

@@ -134,7 +134,6 @@ def fold(
 ) -> NDArray[np.int32]:
     """Sum the bursts about seeds at the burst interval.
 
-    `seeds`: shape (n, 5).
     `bursts`: in a row, of which the seed is one.
     `reach`: columns by which the interval may be off.
     `steps`: intervals tried on either side.

@@ -7,7 +7,7 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MISSES = 8
-"""So many bursts may be missed before a tag must be identified anew."""
+"""Most bursts that may be missed before a tag must be identified again."""
 _OWN_ERROR = 5e-6
 """Of an interval that was measured: a crystal's drift with temperature."""
 _TIMING_S = 1e-3

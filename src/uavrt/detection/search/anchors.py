@@ -2,7 +2,7 @@
 
 Searches of several tags are done together: the work on their cells and hypotheses is one long
 array for all of them, and a call of NumPy costs more than what a single tag gives it to do
-(docs/decisions/0147). A search alone is such a company of one.
+(docs/decisions/0147). A search alone is a group of one.
 """
 
 import bisect
@@ -28,7 +28,7 @@ from uavrt.native import kernels
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 24
 """Of the strongest. A neighbour 10 dB above the tag fills eight with its flanks: for 36 pulses
-the tag was not seen beside it."""
+the tag was not found next to it."""
 
 
 class AnchorSearch(RateSearch):
@@ -141,7 +141,7 @@ class AnchorSearch(RateSearch):
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
-        """Continue by so many columns; where the first of them lies in the ring."""
+        """Add columns to the count; where the first of them lies in the ring."""
         first = self.columns % self.length
         self.columns += fresh
         if self.columns > self._first_columns:
@@ -229,7 +229,6 @@ class AnchorSearch(RateSearch):
         row: NDArray[np.intp],
         columns: NDArray[np.float64],
     ) -> list[Candidate]:
-        """Candidates that no known pulse explains; arrays along them."""
         if self.known is not None:
             new = ~self.known.explain(columns, row, strength, reach=self.reach)
             if not new.any():
@@ -280,7 +279,6 @@ def search_together(
     `searches`: of equal rows, K, reach and number of intervals, with as many columns `fresh`
     after these; their rings in one memory.
     `power` (searches, rows, columns): at most a piece of columns.
-    `noise`: shape (searches, rows).
     Returns: for each search, best first.
     """
     if kernels() is not None:
@@ -355,7 +353,6 @@ def _search_by_kernel(
 def _count_null(
     search: AnchorSearch, due: _Due, part: slice, level: NDArray[np.float32], fresh: int
 ) -> None:
-    """Count the groups that a search's anchors in `part` make on lattices of no tag."""
     null = search.null
     if null is None:
         return
@@ -375,7 +372,6 @@ def _count_null(
 
 
 def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:
-    """Continue to the newest columns and note their cells that may be anchors."""
     reach, rows, fresh = searches[0].reach, searches[0].rows, searches[0].fresh
     mask = np.empty((len(searches), rows, fresh), np.bool_)
     places = []
@@ -456,7 +452,6 @@ def _test(
     power: NDArray[np.float32],
     noise: NDArray[np.float32],
 ) -> _Tested:
-    """Sum over all intervals for some anchors; arrays along them."""
     k, reach = searches[0].k, searches[0].reach
     rows = searches[0].rows
     level = noise.reshape(-1)[member * rows + row]

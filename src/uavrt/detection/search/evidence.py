@@ -33,7 +33,7 @@ _JITTER_SHARE = 0.4
 
 
 _GATE = 0.9
-"""Share of the search's threshold from which on a candidate is weighed."""
+"""Least score of a candidate that is weighed, as a share of the search's threshold."""
 _SURE_SCORE = 1.2
 """From here on nothing needs to be weighed: two cells at their limit, a third above noise."""
 _FIRST_SHARE = 0.8
@@ -70,11 +70,7 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """Whether a candidate is likelier than what noise makes as often as is allowed.
-
-        `search`: that found it.
-        `noise`: shape (rows,).
-        """
+        """Whether a candidate is likelier than what noise makes as often as is allowed."""
         share = gate(search.k)
         if share == 1.0 or candidate.score >= _SURE_SCORE:
             return True
@@ -150,7 +146,7 @@ def _ratios(strength: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
-    """Averages over a pulse's jitter, shape (points, points); nothing lies beside these."""
+    """Averages over a pulse's jitter, shape (points, points); zero outside of these."""
     away = np.arange(2 * side + 1)
     apart = away[:, np.newaxis] - away[np.newaxis, :]
     if sigma <= 0.2:

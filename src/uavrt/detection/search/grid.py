@@ -37,7 +37,6 @@ _KERNEL_WINDOW = 254
 class Grid:
     """Windows and rows of one tag's spectrogram.
 
-    `sample_rate_hz`: rate of the channel's samples.
     `window`, `hop`: length of a window and step between two, in the channel's samples.
     `decimation`: channel samples for each sample of the narrow band that the search works on.
     `reach`: channel samples that the band's filter looks to each side.
@@ -126,7 +125,7 @@ class Grid:
         first: int,
         columns: int,
     ) -> None:
-        """Power of so many columns, (rows, columns), into `power` from its item `first` on."""
+        """Write the power of columns, (rows, columns), into `power` from item `first` on."""
         assert self.halves is not None
         hop = self.hop // self.decimation
         work = np.empty(2 * hop * (columns + self.length // hop + 32), np.float32)
@@ -261,7 +260,6 @@ def make_grid(
 ) -> Grid:
     """Lay the grid around one tag.
 
-    `sample_rate_hz`: rate of the channel's samples.
     `offset_hz`: middle of the search relative to the centre of the channel.
     `half_width_hz`: half-width of the search; infinite or large: the whole channel.
     """
@@ -387,7 +385,6 @@ def _windows(
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
     """Maximum over ± `reach` columns, for columns where all of these exist.
 
-    `power`: shape (columns, rows).
     `reach`: columns looked at on each side.
     Returns: (columns - 2 * reach, rows) by doubling: the work grows with the logarithm of
     `reach`.

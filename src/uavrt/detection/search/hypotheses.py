@@ -71,12 +71,8 @@ class RateSearch(ABC):
     What all searches have; `uavrt.detection.search.anchors.AnchorSearch` and
     `uavrt.detection.search.long_groups.LongSearch` are the two ways to do it.
 
-    `hop_s`: time between two columns.
     `interval_s`, `uncertainty_s`, `jitter_s`: the tag's interval, the bound of its constant
     error and of each pulse's own.
-    `k`: pulses summed.
-    `threshold`: of the sum, in noise powers.
-    `rate`: number of the rate, from 1.
     `first_threshold`, `first_columns`: threshold while fewer columns than these have been seen.
     In the first decision interval few groups can have begun; it may spend its false alarms on
     these.
@@ -155,7 +151,6 @@ class RateSearch(ABC):
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Add new columns and test every hypothesis that they complete.
 
-        `power` (columns, rows): power of the cells, in the input's units.
         `noise` (rows,): noise power of each row, in the same units.
         Returns: best first; several may be of the same pulses.
         """

@@ -17,8 +17,6 @@ class KnownPulses:
     """Pulses of confirmed tracks, or of groups just taken.
 
     Of a tag that is heard they explain nearly all that is found.
-
-    `pulses`: at least one.
     """
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:
@@ -35,11 +33,8 @@ class KnownPulses:
     ) -> NDArray[np.bool_]:
         """Which candidates have one of their pulses from a known one, or its leak.
 
-        `columns`: shape (candidates, K).
-        `rows`: shape (candidates,).
         `strength` (candidates,): sums of powers, in noise powers.
         `reach`: columns that a pulse's jitter was looked for to either side.
-        Returns: shape (candidates,).
         """
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window

@@ -1,7 +1,7 @@
 """Track sudden rises of the noise: throttle, a transmitter near by.
 
 `uavrt.detection.search.noise` knows each row's noise within some tens of seconds. A rise that
-many rows share is known in a tenth of a second, as they all tell of it. Cells are divided by
+many rows share is known in a tenth of a second, as all of them show it. Cells are divided by
 that level before any sum, so that a group's quiet and loud pulses weigh what they are worth.
 
 Time goes in slots of half a pulse, frequency in bands of one bin. A level is a mean over the
@@ -31,27 +31,27 @@ _STRETCHES = (6, 10, 16, 26, 42, 80)
 """Slots over which a level may be averaged; a step is seen to within the shortest."""
 _MOST_SPLITS = 4
 _SPLIT = 6.5
-"""Logarithm of the likelihood ratio from which on two sides differ."""
+"""Least logarithm of the likelihood ratio of two sides that differ."""
 _SIGMAS = 2.2
 """Means that differ by more are of different levels."""
 _VARIANCE = 1.5
 """Of a slot in one bin: windows of two neighbouring slots overlap by half."""
 _TRIGGER = 3.0
-"""Standard deviations from which on a steady level is doubted."""
+"""Least deviation at which a steady level is doubted [standard deviations]."""
 _BAND_TRIGGER = 3.6
 _CALM = 11
 """Slots of the shortest piece that is compared with the level."""
 _BURST = 1.7
-"""A slot so many times above both sides is a strong pulse's, not noise."""
+"""Ratio of a slot to both sides at which it is a strong pulse, not noise."""
 _BURST_SIGMAS = 2.6
 """Of a single slot, by which three of a weaker pulse stand out."""
 _BESIDE = (4, 8)
-"""Where these sides lie: so many slots away. A pulse is in three slots or four."""
+"""Distance of these sides [slots]. A pulse is in three slots or four."""
 _MEDIAN_SLOTS = 11
 _AHEAD = 10
 _MOST_MARGIN = 0.3
 _SAME = 0.12
-"""Levels that differ by less are the same, as far as is told."""
+"""Relative difference below which levels count as the same."""
 _STAYED = 40
 _LEARNT = 40
 """Slots that count as known before the first."""
@@ -79,9 +79,9 @@ class _Followed:
     """(new slots,): common level to search with, what it may err by added."""
     bands: NDArray[np.float32] | None
     """(bands, new slots): over that, where bands differ."""
-    told: NDArray[np.float32]
+    measured: NDArray[np.float32]
     """(slots,): common level to measure with."""
-    told_bands: NDArray[np.float32] | None
+    measured_bands: NDArray[np.float32] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +110,6 @@ class Leveller:
     ) -> None:
         count = max(1, round(rows / ROWS_PER_BIN))
         self.band_of = np.minimum(np.arange(rows) // ROWS_PER_BIN, count - 1)
-        """Band of each row."""
         self._members = np.bincount(self.band_of).astype(np.float32)
         self._sums = np.zeros((count, rows), np.float32)
         self._sums[self.band_of, np.arange(rows)] = 1.0 / self._members[self.band_of]
@@ -132,7 +131,6 @@ class Leveller:
         self.unsteady = False
         """Whether the level changes, or bands differ."""
         self.uneven = False
-        """Whether bands differ."""
 
     @property
     def rows_now(self) -> NDArray[np.float32]:
@@ -160,9 +158,7 @@ class Leveller:
     ) -> None:
         """Divide new columns by their level, in place.
 
-        `power`: shape (rows, columns).
         `noise` (rows,): noise of each row at a level of one.
-        `first`: number of the first column.
         `whole` (columns,): columns without lost samples; None: all.
         """
         level_together([self], power[np.newaxis], [noise], [first], [whole])
@@ -170,7 +166,6 @@ class Leveller:
     def _keep_steady(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], mean: float
     ) -> float:
-        """Note slots that are all of one level; what to divide by."""
         self.unsteady = self.uneven = False
         total = max(float(weights.sum()), 1.0)
         level = mean * (1.0 + 0.5 * self._steepness * _VARIANCE / self._bins / total)
@@ -185,7 +180,6 @@ class Leveller:
         first: int,
         whole: NDArray[np.bool_] | None,
     ) -> None:
-        """Do as `level_together` for one search."""
         count = -(-power.shape[1] // SLOT)
         slots = self._past.shape[1] + count
         both = np.empty((len(self._past), slots), np.float32)
@@ -210,25 +204,24 @@ class Leveller:
         both: NDArray[np.float32],
         weights: NDArray[np.float32],
     ) -> None:
-        """Divide columns by levels that change, in place."""
         columns = power.shape[1]
         slots = power[:, ::SLOT]
         past = both.shape[1] - slots.shape[1]
         if not self._nearly_steady(both):
             both[:, past:] = self._robust(slots, noise, both, past)
         found = self._follow(both, weights, past)
-        told, common, bands = found.told, found.divisor, found.bands
+        measured, common, bands = found.measured, found.divisor, found.bands
         if self._stretches:
             # What is known by now of slots that might have been a pulse's.
             before = self._stretches[-1].common
             upto = min(_BESIDE[1], past, len(before))
-            before[len(before) - upto :] = told[past - upto : past]
+            before[len(before) - upto :] = measured[past - upto : past]
         self.unsteady, self.uneven = True, bands is not None
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
-        self._note(first, told[past:].copy(), found.told_bands)
-        self._now[:] = told[-1]
-        if found.told_bands is not None:
-            self._now *= found.told_bands[:, -1]
+        self._note(first, measured[past:].copy(), found.measured_bands)
+        self._now[:] = measured[-1]
+        if found.measured_bands is not None:
+            self._now *= found.measured_bands[:, -1]
         if bands is None:
             power /= np.repeat(common, SLOT)[:columns]
         else:
@@ -274,15 +267,15 @@ class Leveller:
         lead = min(past, _MEDIAN_SLOTS // 2)
         cells = slots / noise[:, np.newaxis]
         x = self._sums @ cells
-        # Of the newest nobody knows yet what is usual: what a quarter of the bands exceed.
+        # What is usual is not known yet for the newest: what a quarter of the bands exceed.
         newest = np.zeros_like(x)
         last = _BESIDE[0]
         newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
         for _ in range(2):
             around = np.concatenate((both[:, past - lead : past], x), axis=1)
             if len(around) > 2:
-                beside = np.pad(around, ((1, 1), (0, 0)), mode="edge")
-                around = (beside[:-2] + beside[1:-1] + beside[2:]) / np.float32(3.0)
+                padded = np.pad(around, ((1, 1), (0, 0)), mode="edge")
+                around = (padded[:-2] + padded[1:-1] + padded[2:]) / np.float32(3.0)
             half = _MEDIAN_SLOTS // 2
             padded = np.pad(around, ((0, 0), (half, half)), mode="reflect")
             windows = np.lib.stride_tricks.sliding_window_view(padded, _MEDIAN_SLOTS, axis=1)
@@ -305,12 +298,12 @@ class Leveller:
         common = np.maximum(self._common(both), np.float32(_LEAST))
         weights = weights.copy()
         doubtful = self._take_out_bursts(common, weights)
-        levels = told = self._levels(both, common, weights, past)
+        levels = measured = self._levels(both, common, weights, past)
         if doubtful.any():
             weights[doubtful] = 0.0
-            told = self._levels(both, common, weights, past)
+            measured = self._levels(both, common, weights, past)
         divisor = (levels.common * levels.margin)[past:]
-        return _Followed(divisor, levels.bands, told.common, told.bands)
+        return _Followed(divisor, levels.bands, measured.common, measured.bands)
 
     def _follow_by_kernel(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
@@ -318,13 +311,16 @@ class Leveller:
         slots = len(weights)
         divisor = np.empty(slots - past, np.float32)
         bands = np.empty((len(both), slots - past), np.float32)
-        told, told_bands = np.empty(slots, np.float32), np.empty_like(bands)
-        differ, told_differ = kernels().follow(
+        measured, measured_bands = np.empty(slots, np.float32), np.empty_like(bands)
+        differ, measured_differ = kernels().follow(
             *(both, weights, self._members, past, self._bins, self._steepness),
-            *(self._circular, divisor, bands, told, told_bands),
+            *(self._circular, divisor, bands, measured, measured_bands),
         )
         return _Followed(
-            divisor, bands if differ else None, told, told_bands if told_differ else None
+            divisor,
+            bands if differ else None,
+            measured,
+            measured_bands if measured_differ else None,
         )
 
     def _levels(
@@ -501,7 +497,6 @@ def level_together(
     """Do as `Leveller.level` for several searches.
 
     `power` (searches, rows, columns): divided in place.
-    `noise`: shape (rows,).
     """
     if not power.shape[2]:
         return

@@ -94,7 +94,7 @@ class LongSearch(RateSearch):
         least = self.threshold * self.margin
         if not (largest >= least).any():
             return []
-        # At the limit all places and rows around a strong tag are alike: power tells.
+        # At the limit all places and rows around a strong tag are alike: power decides.
         strengths = self._totals(done, upto, noise, math.inf)
         column = np.empty(largest.shape, np.intp)
         strength = np.empty_like(largest)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavrt.dsp.sliding_medians import medians
 
 TRUNCATION = 4.0
-"""Cells above so many times the noise are not noise: 1.8 % of noise, all of a pulse."""
+"""Ratio to the noise above which cells are no noise: 1.8 % of noise, all of a pulse."""
 _KEPT = 1.0 - math.exp(-TRUNCATION)
 _KAPPA = 1.0 - TRUNCATION * math.exp(-TRUNCATION) / _KEPT
 """Mean of a unit exponential below the truncation (0.925)."""
@@ -27,7 +27,7 @@ LONG_S = 20.0
 SHORT_S = 1.0
 """Time constant of the alarm that the noise has risen."""
 RISE = 2.2
-"""A short-term noise so many times the long-term one replaces it (3 % of pulses give 1.3)."""
+"""Ratio at which a short-term noise replaces the long-term one (3 % of pulses give 1.3)."""
 _RISEN = math.exp(-TRUNCATION / RISE)
 """Share of the cells above the truncation at that rise."""
 _SETTLE_S = 2.0
@@ -38,8 +38,8 @@ _FLAT = 1.2
 """Spread of the medians over their error up to which a spectrum passes for flat. A tilt that
 this overlooks, 0.4 dB over the band, errs no more than the medians did."""
 _STEEP = 4.0
-"""Medians at both ends of a row's neighbours that differ by so many errors, and more than
-0.7 dB, make an edge. Not if all rows lie on a line: there the median is right."""
+"""Difference of the medians at both ends of a row's neighbours that makes an edge, in errors,
+if it is more than 0.7 dB. Not if all rows lie on a line: there the median is right."""
 _LEAST_STEEP = 0.15
 _EDGE_FLAT = 1.5
 """Spread of the rows on one side over a row's error, up to which that side is flat."""
@@ -55,11 +55,7 @@ _NEIGHBOUR_REACH = 8
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point step of the truncated mean, and the share of the cells that were kept.
-
-    `power`: shape (..., columns, rows).
-    `noise`: shape (..., rows).
-    """
+    """Fixed-point step of the truncated mean, and the share of the cells that were kept."""
     kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
     columns = power.shape[-2]
     ones = np.ones(columns, np.float32)
@@ -86,10 +82,7 @@ def _beside_an_edge(
     times the false alarms asked for. Where one side is flat and the row belongs to it that side
     alone counts; on the slope itself the nearest rows, and what they do not know is added.
 
-    `noise`: shape (rows,).
     `around` (steep, 2 × reach + 1): the rows on both sides of each.
-    `error`: relative standard deviation of a single row.
-    Returns: shape (steep,).
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -109,7 +102,6 @@ def _beside_an_edge(
 class RowNoise:
     """Noise power of each row, followed over time.
 
-    `column_s`: time between two columns.
     `independent_per_s`: independent cells a row has in a second: one over the pulse width.
     `circular`: whether the last row is the first's neighbour.
     """
@@ -125,7 +117,7 @@ class RowNoise:
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
         """Whether rows are louder now than usually, not all by as much: what is taken off each
-        is a little too much beside an edge, and must not be learnt."""
+        is a little too much near an edge, and must not be learnt."""
         self.ragged = False
         """Whether many lines are taken out of the samples, and noise with each: the rows
         between them then have more than the median of all."""
@@ -149,10 +141,7 @@ class RowNoise:
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
 
     def start(self, power: NDArray[np.float32]) -> None:
-        """Make the first estimate from all the columns at hand.
-
-        `power`: shape (columns, rows).
-        """
+        """Make the first estimate from all the columns at hand."""
         noise = medians(power) / np.float32(math.log(2.0))
         noise = np.maximum(noise, np.float32(1e-30))
         for _ in range(6):
@@ -210,7 +199,6 @@ class RowNoise:
         self._settle_on(windows[:, reach], reach)
 
     def _settle_on(self, smooth: NDArray[np.float32], reach: int) -> None:
-        """Make the level from the medians of the neighbours, shape (rows,)."""
         assert self._long is not None
         self._settled_s = self._seen_s
         if self._seen_s < _YOUNG_S and self._is_flat(smooth):
@@ -224,7 +212,6 @@ class RowNoise:
         self._level = np.where(line, self._long, smooth)
 
     def _is_flat(self, smooth: NDArray[np.float32]) -> bool:
-        """Whether medians differ no more than they err."""
         spread = float(smooth.std()) / max(float(smooth.mean()), 1e-30)
         return spread < _FLAT * self.relative_error
 
@@ -235,7 +222,6 @@ class RowNoise:
 
     @property
     def _row_error(self) -> float:
-        """Relative standard deviation of a single row."""
         seconds = min(self._seen_s, 2.0 * LONG_S)
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds, 1.0))
 
@@ -274,7 +260,6 @@ class RowNoise:
         return line if float(below.mean()) < 0.03 else None
 
     def _reach(self, rows: int) -> int:
-        """Rows on each side that the median takes in."""
         reach = _YOUNG_REACH if self._seen_s < _YOUNG_S else _NEIGHBOUR_REACH
         return min(reach, rows // 2)
 
@@ -282,7 +267,6 @@ class RowNoise:
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
     """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
 
-    `noises`: all started.
     `power` (noises, columns, rows): new columns, at least one.
     """
     long = np.stack([noise._long for noise in noises if noise._long is not None])
@@ -316,5 +300,4 @@ def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> N
 
 
 def _short_weight(span_s: float) -> float:
-    """What new columns of so many seconds weigh in the alarm of a rise."""
     return 1.0 - math.exp(-span_s / SHORT_S)

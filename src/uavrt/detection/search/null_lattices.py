@@ -28,6 +28,8 @@ _MOST_SHARE = 0.85
 transmitters are counted as well, and must not hide a strong tag."""
 _TOLERATED = 1.6
 """Groups counted over those of white noise that leave the threshold where it is."""
+_TOLERATED_COLOURED = 1.2
+"""The same while the noise is known not to be white: then an excess is hardly chance."""
 _WHITE_K = np.log(np.array([2.0, 3.0, 5.0, 8.0]))
 _WHITE = np.array([0.51, 0.68, 1.03, 1.09])
 """Groups counted in white noise over those that the tail of a sum says, by K: measured. An
@@ -42,7 +44,6 @@ class NullLattices:
 
     `lows` (places, k - 1): columns from an anchor in each place to the stretches where the
     other pulses may lie.
-    `interval`: of the tag, in columns.
     `expected_per_column`: groups of white noise at `LEVEL` of the threshold, on one lattice.
     `threshold`, `limit`: of a sum and of a cell in it, in noise powers.
     """
@@ -63,7 +64,9 @@ class NullLattices:
         shorter = [round((1.0 - share) * interval) for share in shares.tolist()]
         self._lattices = [(np.ascontiguousarray(lows - apart * n), n) for n in shorter]
         white = float(np.interp(math.log(k), _WHITE_K, _WHITE))
-        self._expected_per_column = _TOLERATED * white * expected_per_column
+        self._white_per_column = white * expected_per_column
+        self.coloured = False
+        """Whether the noise is known not to be white."""
         self._most = max(0.0, _MOST_SHARE * k * limit - threshold)
         self._more = 0.0
         """Noise powers counted, the first few by chance."""
@@ -74,7 +77,8 @@ class NullLattices:
         `test`: None: there are no anchors.
         """
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
-        beyond = seen - _LATTICES * columns * self._expected_per_column
+        tolerated = _TOLERATED_COLOURED if self.coloured else _TOLERATED
+        beyond = seen - tolerated * _LATTICES * columns * self._white_per_column
         self._more = min(max(0.0, self._more + _GAIN * beyond), self._most + _CHANCE)
 
     def factor(self, threshold: float) -> float:

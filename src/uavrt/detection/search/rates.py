@@ -25,10 +25,7 @@ _LONG_FROM_K = 9
 
 
 def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
-    """One search for each of the tag's rates.
-
-    `frequency_window_hz`: half-width of the search, maybe infinite.
-    """
+    """One search for each of the tag's rates."""
     bandwidth = min(2.0 * frequency_window_hz, grid.sample_rate_hz)
     searches: list[RateSearch] = []
     kind = LongSearch if tag.k >= _LONG_FROM_K else AnchorSearch

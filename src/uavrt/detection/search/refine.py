@@ -26,10 +26,10 @@ _BURST = 9.0
 """Standard deviations of a quarter window's noise energy that make a burst."""
 _BURST_SHARE = 0.65
 _WIDE = 6.0
-"""Standard deviations of a window's noise energy from which on its spectrum is looked at."""
+"""Excess of energy at which a window's spectrum is checked [standard deviations of noise]."""
 _BESIDE_WINDOWS = 4.0
-"""Windows before a pulse, and after it, whose median power is the noise beside it: of a burst
-no longer than a pulse or two it knows nothing."""
+"""Windows before a pulse, and after it, whose median power is the noise around it; bursts of a
+pulse or two do not change it."""
 _BREAKS = (0.25, 0.5, 0.75)
 """Where in a pulse its phase may break."""
 _BROKEN = 3.5
@@ -52,7 +52,7 @@ class Measured:
     noise: float
     """Noise power of one sample at its frequency."""
     contrast: float
-    """Power over the mean power of the windows beside the pulse (1.5 to 3 widths away)."""
+    """Power over the mean power of the windows around the pulse (1.5 to 3 widths away)."""
     received: float = 1.0
     """Share of its samples that were not lost; `power` is that of these."""
 
@@ -68,10 +68,7 @@ def timing_error_s(width_s: float, power: float) -> float:
 
 
 class Refiner:
-    """Local search around expected pulses.
-
-    `buffer`: the samples; only what it still keeps can be refined.
-    """
+    """Local search around expected pulses."""
 
     def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
         self._grid = grid
@@ -120,7 +117,6 @@ class Refiner:
         `starts` (pulses,): expected index of the first sample of each.
         `half_width`: samples to look before and after.
         `offset_hz`, `half_band_hz`: frequencies to look at.
-        `noise`: shape (rows,).
         `climb`: follow a peak that lies at the edge of the times looked at.
         `spread`: standard deviation of the expected starts [samples]: of several peaks the
         likeliest is taken, not the highest.
@@ -235,7 +231,6 @@ class Refiner:
         """Matched-filter power at many starts and some frequencies.
 
         `first` (pulses,): first start of each pulse.
-        `count`: starts of each.
         Returns (power, shift): (pulses, frequencies, count), or None when fewer samples are
         kept than one such stretch; (pulses,), how much later than asked each begins, for a
         stretch that is not there is moved.
@@ -341,16 +336,16 @@ class Refiner:
                 some[:] = kept
 
     def contrast(self, pulse: Measured) -> float:
-        """Power of a pulse over the mean power of four windows beside it at its frequency."""
+        """Power of a pulse over the mean power of four windows around it at its frequency."""
         window = self._window
         start = round(pulse.start)
-        beside = [start + round(shift * window) for shift in (-3.0, -2.0, 2.0, 3.0)]
+        around = [start + round(shift * window) for shift in (-3.0, -2.0, 2.0, 3.0)]
         buffer = self._buffer
         n = np.arange(window)
         turn = np.exp((-2j * np.pi / self._grid.sample_rate_hz) * pulse.offset_hz * n)
         powers = [
             weight * abs(complex(np.dot(buffer.view(a, a + window), turn))) ** 2
-            for a in beside
+            for a in around
             if a >= buffer.start and a + window <= self.upto and (weight := self._weight(a))
         ]
         if not powers:
@@ -361,16 +356,16 @@ class Refiner:
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
         """Whether the energy lies in a quarter of the window or in many rows: no pulse.
 
-        `floor`: mean power of a sample without pulses, as it is now: where it was more beside
-        the pulse, that counts.
+        `floor`: mean power of a sample without pulses, as it is now; around the pulse, if
+        that is more.
         """
         if not self._looks_like_impulse(pulse, floor):
             return False
-        beside = self._floor_beside(pulse)
-        return beside <= floor or self._looks_like_impulse(pulse, beside)
+        around = self._floor_beside(pulse)
+        return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_beside(self, pulse: Measured) -> float:
-        """Mean power of a sample beside a pulse: if before and after differ, what it was at."""
+        """Mean power of a sample around a pulse: if before and after differ, what it was at."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-_BESIDE_WINDOWS, -0.5), (1.5, 1.0 + _BESIDE_WINDOWS)):
@@ -389,7 +384,6 @@ class Refiner:
         return max(min(sides), min(max(sides), pulse.noise))
 
     def _looks_like_impulse(self, pulse: Measured, floor: float) -> bool:
-        """Judge as `is_impulse`, by one floor."""
         window = self._window
         start = round(pulse.start)
         x = self._buffer.view(start, start + window)

@@ -37,7 +37,7 @@ class Workspace:
 
 
 def columns_ahead(spectrogram: Spectrogram, samples: int) -> int:
-    """How many columns so many channel samples from `needed` on complete."""
+    """How many columns a number of channel samples from `needed` on complete."""
     grid = spectrogram.grid
     assert grid.filter is not None
     stride = OUTPUTS_PER_ROW * grid.decimation

@@ -83,7 +83,6 @@ def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=8)  # of 20 kB; a threshold looks fifty times, and is then kept itself
 def _log_tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """The same, its logarithm."""
     x, tail = _tail(k, spread, limit)
     return x, np.log(np.maximum(tail, 1e-300))
 
@@ -114,10 +113,7 @@ def effective_hypotheses(
 ) -> float:
     """Effective number of independent hypotheses in a searched volume.
 
-    `k`: pulses summed.
     `bandwidth_hz`, `time_s`: volume for the anchor.
-    `uncertainty_s`: bound of the interval's error.
-    `reach_s`: reach of the maximum over jitter.
     """
     cells = max(1.0, (bandwidth_hz + 1.0 / pulse_width_s) * time_s)
     width_s = pulse_width_s / 2.0 + reach_s
@@ -134,13 +130,7 @@ def spread(*, reach_s: float, pulse_width_s: float) -> float:
 
 @lru_cache(maxsize=1024)
 def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float) -> float:
-    """Threshold of the sum, in noise powers.
-
-    `k`: pulses summed.
-    `hypotheses`: from `effective_hypotheses`.
-    `spread`: from `spread`.
-    `expected_false`: expected number of false groups among these hypotheses.
-    """
+    """Threshold of the sum, in noise powers."""
     low, high = 0.1, 400.0
     for _ in range(50):
         middle = 0.5 * (low + high)

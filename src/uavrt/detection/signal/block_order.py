@@ -46,7 +46,7 @@ class Intake:
         if len(tag.pulse_intervals_s) > 1:
             # The other rate is followed from the last pulse heard, maybe two intervals ago.
             span_s += 2.0 * longest
-        # Batch, block, filter and the windows beside a pulse: a group is judged 0.7 s late.
+        # Batch, block, filter and the windows around a pulse: a group is judged 0.7 s late.
         keep_s = max(span_s, 1.0) + tag.interval_jitter_s + 0.8
         self._slow_clock_s = tag.pulse_width_s / 8.0
         self.buffer = SampleBuffer(
@@ -70,9 +70,7 @@ class Intake:
     ) -> Literal["taken", "refused", "later", "earlier"]:
         """Put a block in its place.
 
-        `samples`: shape (n,).
-        `time_ns`: time of the first.
-        `after`: index from which on a hole can still be filled.
+        `after`: first index at which a hole can still be filled.
         Returns: ``later``, ``earlier``: not taken, for it begins another stream.
         """
         buffer, counters = self.buffer, self._counters

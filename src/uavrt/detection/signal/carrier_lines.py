@@ -1,9 +1,9 @@
 """Remove carriers from the samples before the search.
 
 A window one pulse long has side lobes: a carrier 60 dB above the noise of a bin drowns a tag
-100 Hz away though it never fools a row that knows its own noise. A carrier is told from pulses
-by a transform 25 times as long, and subtracted with an amplitude that may change slowly
-(modulation, drift), fitted by least squares.
+100 Hz away though it never fools a row that knows its own noise. A transform 25 times as long
+as a pulse finds carriers. They are subtracted with amplitudes that may change slowly
+(modulation, drift), fitted to all of them by least squares.
 
 A window function with low side lobes would cost a rectangular pulse 1.8 dB always (Hann). A tag
 exactly on a carrier loses a part of its energy.
@@ -37,7 +37,7 @@ _MOST_STEPS = 10
 _LEFT = 0.02
 """Power of the waves that may be left, as a share of that of the noise in their place."""
 _STRONG = 1e4
-"""Power over the median around from which on a carrier is never weak: 25 dB in a bin."""
+"""Least power of a strong carrier over the median around: 25 dB in a bin."""
 _HELD_LOOKS = 40
 """Looks (of up to 0.44 s) for which a carrier is subtracted after it was last found. A line of
 hum fades for seconds; left in meanwhile, its return was a false group: 17 times as many as
@@ -75,7 +75,6 @@ class LineCanceller:
         """Look for carriers in the newest samples, this or the last calls'.
 
         `before`: what is kept of the samples before, in whatever state `subtract` left them.
-        `samples` (n,): the new ones.
         """
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
@@ -85,7 +84,7 @@ class LineCanceller:
         power = spectrum.real**2 + spectrum.imag**2
         middle = _GROUP // 2
         floor = np.partition(power.reshape(-1, _GROUP), middle, axis=1)[:, middle]
-        # Beside an edge of the noise the group on its louder side counts.
+        # Near an edge of the noise the group on its louder side counts.
         floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
         least = np.finfo(np.float32).tiny
         over = power > np.maximum(np.repeat(_RATIO * floor, _GROUP), least)
@@ -97,8 +96,8 @@ class LineCanceller:
             over & (power >= np.roll(power, 1)) & (power > np.roll(power, -1))
         )
         peaks = peaks[np.argsort(-power[peaks])][: 2 * _MOST]
-        beside = (peaks + np.array([[-1], [0], [1]])) % self._length
-        below, at, above = np.log(np.maximum(power[beside], least))
+        three = (peaks + np.array([[-1], [0], [1]])) % self._length
+        below, at, above = np.log(np.maximum(power[three], least))
         shift = 0.5 * (below - above) / (below - 2.0 * at + above)
         signed = np.where(peaks > self._length // 2, peaks - self._length, peaks)
         bin_hz = self._rate / self._length
@@ -179,9 +178,6 @@ class _Waves:
     All waves are fitted together, since neighbours share a part of their power, by the method
     of conjugate gradients: its cost is that of a few products of small matrices. Within a block
     an amplitude is linear.
-
-    `frequencies_hz`, `degrees`: of each wave and its polynomial.
-    `count`, `block`: number of blocks and samples of each.
     """
 
     def __init__(

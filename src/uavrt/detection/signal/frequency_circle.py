@@ -1,8 +1,8 @@
 """Frequencies of a sampled channel: a circle as long as the sample rate.
 
 What lies beyond one edge of a channel is seen at the other. Single pulses of a tag on an edge
-scatter across it; they are compared around the circle, and reported beside their track, which
-alone has its place in the channel.
+scatter across it; they are compared around the circle, and reported near their
+track, which alone has its place in the channel.
 """
 
 import math

@@ -20,6 +20,8 @@ _ABOVE_CHANNEL = 4.0
 """Most that the quiet level lies above that of the channel's quietest frequencies, as a ratio:
 noise falls by half at the channel's edges, and the lowest of many measurements by as much. What
 is higher at all times is a steady signal."""
+_LOOK_EVERY = 4
+"""Calls between two measurements of the channel's quietest frequencies."""
 _GROUP_BINS = 8
 """Neighbouring bins whose mean is the level of a frequency."""
 _STRIDE = 8
@@ -47,7 +49,7 @@ class Occupancy:
             np.complex64
         )
         self._quiet = math.inf
-        self._usable = self._looked = 0
+        self._usable = self._looked = self._calls = 0
 
     def look(self, samples: NDArray[np.complex64]) -> None:
         """Count the instants of new samples without carriers; lost samples are zero."""
@@ -63,7 +65,10 @@ class Occupancy:
         power = (cells.real**2 + cells.imag**2).mean(axis=1) / received
         risen = self._quiet * math.exp(count * self._length_s / _RISE_S)
         own = float(np.partition(power, len(power) // 4)[len(power) // 4])
-        self._quiet = min(risen, own, _ABOVE_CHANNEL * self._lowest(windows))
+        self._quiet = min(risen, own)
+        if self._calls % _LOOK_EVERY == 0:
+            self._quiet = min(self._quiet, _ABOVE_CHANNEL * self._lowest(windows))
+        self._calls += 1
         self._usable += int(np.count_nonzero(power < _LOUD * self._quiet))
         self._looked += len(power)
 

@@ -19,7 +19,7 @@ from uavrt.native import kernels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BACKWARD_RESTART_BLOCKS = 3
-"""So many stale blocks in a row mean that the clock was set back: start anew."""
+"""Stale blocks in a row that mean a clock set back: the stream starts again."""
 _SHORTEST_S = 0.0005
 _SHORTEST = 4
 """Shortest run of zeros taken as lost samples; samples of few bits contain shorter ones."""
@@ -156,7 +156,7 @@ class SampleBuffer:
         self._write(samples)
 
     def append_hole(self, count: int) -> None:
-        """Add so many zeros for lost samples."""
+        """Add a number of zeros for lost samples."""
         self.holes.append((self.end, self.end + count))
         while count:
             part = min(count, self._keep)
@@ -210,8 +210,6 @@ class SampleBuffer:
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
         """Get the factor on the power of each window that makes up for its lost samples.
 
-        `first`: indices of their first samples.
-        `window`: length of each window [samples].
         Returns: one over the share that was received; 0 where it is below `LEAST_RECEIVED`.
         None: all samples of all windows were received.
         """
@@ -232,7 +230,6 @@ class SampleBuffer:
         self.end += count
 
     def _make_room(self, count: int) -> None:
-        """Move what is kept to the front, so that so many more fit in."""
         used = self.end - self.start
         kept = min(used, self._keep)
         if kept + count > len(self._data):
@@ -248,7 +245,6 @@ class SampleBuffer:
         self._forget()
 
     def _forget(self) -> None:
-        """Drop the times and holes of samples that are gone; keep one time before them."""
         at = max(0, bisect.bisect_right(self._stamp_index, self.start) - 1)
         del self._stamp_index[:at], self._stamp_ns[:at]
         self.holes = [(a, b) for a, b in self.holes if b > self.start]
@@ -273,10 +269,6 @@ def blank_impulses(
     (1 ms impulses made a false group in every segment).
 
     `samples`: the stretch with at least ``flank + short`` samples around [first, last).
-    `floor`: median power of a sample.
-    `short`, `flank`: lengths in samples.
-    `first`, `last`: where to blank.
-    Returns: stretches blanked, first and end.
     """
     if not len(samples):
         return []
@@ -301,9 +293,9 @@ def blank_impulses(
     there = np.concatenate(([0], np.cumsum(power > 0.0)))
     received = there[high] - there[low]
     much = 2 * received > high - low
-    beside = np.where(much, energy * (high - low) / np.maximum(received, 1), np.inf)
-    before = np.concatenate((np.full(flank, floor), beside[:-flank]))
-    after = np.concatenate((beside[flank:], np.full(flank, floor)))
+    around = np.where(much, energy * (high - low) / np.maximum(received, 1), np.inf)
+    before = np.concatenate((np.full(flank, floor), around[:-flank]))
+    after = np.concatenate((around[flank:], np.full(flank, floor)))
     burst = (energy > 12.0 * floor) & (energy > 4.0 * np.maximum(before, after))
     burst[:first] = False
     burst[last:] = False

@@ -76,8 +76,7 @@ class Cleaner:
     @property
     def margin(self) -> int:
         """Samples that must be there beyond a stretch."""
-        whitener = self._whitener
-        ahead = whitener.reach if whitener is not None and whitener.active else 0
+        ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
@@ -89,6 +88,11 @@ class Cleaner:
     def many_lines(self) -> bool:
         """Whether more than a few carriers are taken out: mains hum."""
         return self._lines.frequencies_hz.size > FEW_LINES
+
+    @property
+    def whitening(self) -> bool:
+        """Whether the samples are filtered to make the noise white."""
+        return self._whitener is not None and self._whitener.active
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Clean the samples of indices [first, last).
@@ -119,7 +123,6 @@ class Cleaner:
             self.mean_floor = _median_power(buffer.view(first, last)) / _MEDIAN
 
     def _whiten(self, whitener: Whitener, buffer: SampleBuffer, last: int) -> None:
-        """Make the noise white up to the samples that the next step needs."""
         end = min(buffer.end, last + self._steady_ahead)
         begin = max(self._white, buffer.start)
         whitener.filter(
@@ -132,7 +135,6 @@ class Cleaner:
         self._white = end
 
     def _make_steady(self, limiter: SparkLimiter, buffer: SampleBuffer, last: int) -> None:
-        """Make the noise of a stretch steady."""
         begin = max(self._steady, buffer.start)
         limiter.limit(
             buffer.view(max(buffer.start, begin - limiter.reach), begin),
@@ -142,7 +144,6 @@ class Cleaner:
         self._steady = last
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
-        """Subtract carriers from [first, last)."""
         look = self._lines.frequencies_hz.size > 0 or last >= self._look_at
         if not look and self._lines.idle:
             return

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavrt.detection.signal.in_place import Surroundings
 
 _SIDE_S = 0.0013
-"""Half-length of the filters that pass the frequencies beside the band."""
+"""Half-length of the filters that pass the frequencies on both sides of the band."""
 _SMOOTH_S = 0.0011
 """Half-length of the mean over time: three independent values in a kilohertz."""
 _GUARD_HZ = 50.0
@@ -99,11 +99,11 @@ class SparkLimiter:
         samples /= np.sqrt(np.maximum(level / np.float32(_MEAN * quiet), np.float32(1.0)))
 
     def _level(self, whole: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power beside the searched band, of all samples but `reach` at both ends."""
+        """Power outside the searched band, of all samples but `reach` at both ends."""
         sides = []
         for taps in self._filters:
-            beside = np.convolve(whole, taps, "valid")
-            power = beside.real**2 + beside.imag**2
+            outside = np.convolve(whole, taps, "valid")
+            power = outside.real**2 + outside.imag**2
             sides.append(np.convolve(power, self._smooth, "valid"))
         # Near the lower of the two, and less scattered.
         low, high = sides

@@ -1,6 +1,6 @@
 """Make the noise of a channel white: suppress neighbours that sound like noise.
 
-A window one pulse long has side lobes, and what leaks through them from a band of noise beside
+A window one pulse long has side lobes, and what leaks through them from a band of noise near
 the tag comes from the window's two ends: such cells change within a fraction of a pulse, agree
 a pulse apart, and make ten times the false groups of white noise of their power. The matched
 filter for noise of a density S is the pulse divided by S: the samples are divided by S up to
@@ -26,7 +26,6 @@ REACH_S = 0.008
 _SEGMENT_S = 0.034
 """Length of the windows that measure the density: bins of 29 Hz, of 44 Hz by Hann's taper."""
 _MEMORY_S = 10.0
-"""Time constant of the density."""
 _LIMIT = 6.0
 """Most that a window counts, in densities: pulses last for a fiftieth of the time."""
 _RISE = 2.2
@@ -167,7 +166,6 @@ class Whitener:
 
 
 def _smooth(density: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean of each bin and its neighbours, around the circle of frequencies."""
     side = _SMOOTH_BINS // 2
     sums = np.cumsum(np.concatenate(([0.0], density[-side:], density, density[:side])))
     return np.asarray((sums[_SMOOTH_BINS:] - sums[:-_SMOOTH_BINS]) / _SMOOTH_BINS)

@@ -8,7 +8,7 @@ it costs to give a train to another tag is the shortest way back to the assignme
 once by Floyd and Warshall's algorithm. The work grows with the cube of the trains of one part,
 not with the ways to share them out.
 
-Not `scipy.optimize.linear_sum_assignment`: it tells nothing of the second best, without which
+Not `scipy.optimize.linear_sum_assignment`: it does not give the second best, without which
 no pulse can name the other tags it may be, and would load more of SciPy into the drone's
 processes. Of the trains of one stretch of frequencies, the six heard last take part.
 """
@@ -113,7 +113,6 @@ class _Sharing:
     def _exchange(
         self, start: int, last: int, free: int | None, came: Mapping[int, tuple[int, int]]
     ) -> None:
-        """Give tags again along a path."""
         while True:
             self.chosen[last] = free
             if free is not None:
@@ -128,8 +127,6 @@ def losses(
 ) -> list[dict[int, float]]:
     """Describe how much worse the best sharing is in which a train is a certain tag's.
 
-    `able`: as for `best_sharing`.
-    `chosen`: what that gave.
     Returns: for each train and each tag that it may be; 0 for its own.
     """
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
@@ -153,7 +150,7 @@ def _ways(
 ) -> NDArray[np.float64]:
     """Least loss from a train that lost its tag to one whose tag is to be free.
 
-    The last row and column stand for the tags that nobody has, and for having none.
+    The last row and column stand for the tags without a train, and for having none.
     """
     free = len(able)
     ways = np.full((free + 1, free + 1), np.inf)

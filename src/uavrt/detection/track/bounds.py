@@ -31,7 +31,6 @@ _KNOWN_SHARE = 0.5
 class Bounds:
     """Bounds of one tag's groups and tracks.
 
-    `home_hz`: middle of the search, relative to the channel's centre.
     `half_width_hz`: of the search; at or above half the sample rate: the whole channel.
     `excluded_hz`: stretches in which nothing is the tag, relative to the channel's centre.
     """

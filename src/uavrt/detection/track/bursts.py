@@ -27,17 +27,17 @@ _MOST = 3000
 """Bursts remembered: of more these say how often they come well enough."""
 _PENDING = 6000
 _WINDOWS_S = (4.0, 10.0, _MEMORY_S)
-"""Of the rates in the last so many seconds the highest counts: what has just begun, too."""
+"""Durations of which the highest rate counts [s]: what has just begun counts, too."""
 _POOLED_S = 2.0
-"""The rate of the whole band counts as so many seconds of the track's own frequencies."""
+"""Weight of the whole band's rate, in time at the track's own frequencies [s]."""
 _LIKE_DB = 8.0
-"""Bursts so much weaker or stronger may be taken for a pulse's fellows."""
+"""Largest difference in strength of bursts that may belong to a pulse [dB]."""
 _OWN_ROWS = 2.6
-"""Rows beside a track's in which a burst is found where its pulse is looked for: 30 Hz."""
+"""Distance in rows at which a burst is found in place of a track's pulse: 30 Hz."""
 _PAIR_S = 0.012
 """Two bursts an interval apart within this are a pair: of a frame that the interval meets."""
 _LEAST_PHASES = 3
-"""Pairs at so many phases of the interval are of a frame; at fewer, of another tag."""
+"""Least phases of the interval with pairs of a frame; fewer are of another tag."""
 _SAME_BINS = 1.5
 _LEAK_SHARE = 0.2
 """Of a burst's power, that the leak of a known pulse must have to explain it."""
@@ -93,7 +93,6 @@ class Bursts:
         """Bring the statistics up to date.
 
         `fresh`: columns, rows and powers of the anchors that the search still holds.
-        `noise`: shape (rows,).
         `now_column`, `begin_column`: the newest that was searched, and the first of the stream.
         `known`: pulses of tags that are sure: no bursts.
         """
@@ -256,7 +255,7 @@ class Bursts:
 def beyond_noise(count: int, expected: float) -> float:
     """How many bursts of a count are more than noise alone is expected to make.
 
-    What noise makes is told by the threshold already: counted here too, half of the groups of
+    The threshold allows for what noise makes: counted here too, half of the groups of
     one pulse were kept back that were asked for.
     """
     more = count - expected

@@ -42,16 +42,12 @@ QUIET = OnAir(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
 
 
 def log_begin(per_s: float) -> float:
-    """Log odds of a track with one pulse, when so many bursts a second may begin one."""
+    """Log odds of a track with one pulse, by the rate of bursts that may begin one [1/s]."""
     return math.log(_CONFIRMED_FALSELY / (_PERIOD_S * max(per_s, 10.0 * _QUIET_PER_S)))
 
 
 def log_doubt(allowed: float, decision_s: float) -> float:
-    """Log odds below which more groups like a track's are by chance than are allowed.
-
-    `allowed`: expected number in a decision interval.
-    `decision_s`: length of that interval.
-    """
+    """Log odds below which more groups like a track's are by chance than are allowed."""
     return -math.log(max(1.0, allowed * _PERIOD_S / (_CONFIRMED_FALSELY * decision_s)))
 
 
@@ -89,5 +85,4 @@ def log_empty(on_air: OnAir, *, width_s: float) -> float:
 
 
 def _seen(on_air: OnAir, width_s: float) -> float:
-    """Chance that a tag's pulse is seen at its place."""
     return _HEARD * math.exp(-_HIDDEN_WIDTHS * width_s * on_air.hiding_per_s)

@@ -12,22 +12,18 @@ _STEPS = 32
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Chance that so many pulses of a tag come with those of another transmitter.
+    """Chance that pulses of a tag come together with those of another transmitter.
 
     Either two lattices drift past each other slowly: at any phase, with a difference of their
     intervals anywhere within what is not known of it. Or the pulses meet one by one.
 
-    `together`: pulses that came together, at least two.
     `pulses`: consecutive pulses of the tag of which they are.
-    `near_s`: pulses no further apart come together.
-    `interval_s`: of the other transmitter.
-    `uncertainty_s`: of the difference of the two intervals.
     Returns: of this many or more.
     """
     window_s = min(2.0 * near_s, interval_s)
     single = window_s / interval_s
     one_by_one = _at_least(together, pulses, single)
-    # Steeper than this no run of so many fits into the window.
+    # No run of this number that is steeper fits into the window.
     steepest_s = window_s / (together - 1)
     reach_s = min(uncertainty_s, steepest_s)
     drift_s = (np.arange(_STEPS) + 0.5) / _STEPS * reach_s
@@ -38,7 +34,7 @@ def by_chance(
 
 
 def of_ghosts(together: int, pulses: int) -> float:
-    """Chance that so many or fewer of a ghost's pulses are heard with its original's."""
+    """Chance that at most this number of a ghost's pulses come with its original's."""
     return 1.0 - _at_least(together + 1, pulses, SEEN_TOGETHER)
 
 

@@ -18,8 +18,8 @@ from uavrt.units import ns_from_s
 _SURE_POWER = 20.0
 """A weaker pulse may be one in whose middle samples are missing."""
 _TOLD = 0.25
-"""Of how far a frequency lies beside the track's, where samples are being lost: a break of the
-phase moves it by up to 20 Hz, and a pulse so far away passed for a burst."""
+"""Weight of a frequency's distance from the track's, while samples are being lost: a break of
+the phase moves it by up to 20 Hz, and a pulse at that distance passed for a burst."""
 
 
 def _quiet(_track: Track, _found: Measured) -> OnAir:
@@ -59,10 +59,8 @@ class Follower:
     ) -> None:
         """Look where the tracks expect their next pulses; drop the dead.
 
-        `tracks`: changed in place.
         `upto`: index after the last clean sample.
         `settle`: called after each pulse: decides who is the tag and reports.
-        `noise`: shape (rows,).
         `floor`: mean power of a sample without pulses.
         `around`: reports what else is on air around a track's place.
         """
@@ -82,7 +80,7 @@ class Follower:
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
         """Tracks that may go on behind a jump of the clock, as if no samples were missing.
 
-        Whether the clock was set or samples are missing, nobody can tell.
+        Whether the clock was set or samples are missing is not known.
 
         `tracks`: changed in place; their seconds are those after the jump, from its first
         sample.
@@ -107,7 +105,7 @@ class Follower:
         if len(self._tag.pulse_intervals_s) < 2 or not track.confirmed or track.dead:
             return
         set_up_rivals(track)
-        for rival in track.rivals:
+        for rival in track.at_other_rate:
             while not rival.dead and lags(track, rival):
                 if not self._step(rival, upto, noise=noise, floor=floor):
                     return
@@ -133,7 +131,6 @@ class Follower:
     def _step(
         self, track: Track, upto: int, *, noise: NDArray[np.float32], floor: float
     ) -> bool:
-        """Test a track's next slot when its samples are there."""
         grid = self._grid
         time_s, half_s = track.expected()
         half = half_s * grid.sample_rate_hz
@@ -200,7 +197,6 @@ class Follower:
         return found
 
     def _slot(self, track: Track, measured: Measured, half_s: float) -> Slot:
-        """Make a place of a track of what was found there."""
         return Slot(
             number=0,
             time_s=self.seconds(measured.start),
@@ -216,8 +212,7 @@ class Follower:
         """Look before and after a burst for the pulse that is weaker than it.
 
         `burst`: the strongest of the place, likelier something else's.
-        `start`, `half`: where the pulse is expected, and how far beside it may lie [samples].
-        `noise`: shape (rows,).
+        `start`, `half`: where the pulse is expected, and how far away it may lie [samples].
         Returns: the likeliest; None where nothing is likelier the tag's than a burst.
         """
         at, window = burst.measured.start, self._grid.window

@@ -28,7 +28,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 STRONGER = 10.0**0.8
 """Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third
 harmonic of a signal cut to a square wave is 9.5 dB below it; nothing else of it is nearer. Of a
-product each of the two is stronger by so much."""
+product each of the two is stronger by this ratio."""
 LEAST_PULSES = 3
 ALLOWED = 1e-3
 """Tags that are no ghosts and are taken for one, at most, of those that come with another's
@@ -39,9 +39,9 @@ _EDGE_STRONGER = 100.0
 _EDGE_NOISE = 2.5
 """Amplitude that the best noise adds to an edge's in a search."""
 _EDGE_WIDTHS = 0.75
-"""Edges are found up to so many widths beside the pulse's begin."""
+"""Most distance of an edge from the pulse's begin [pulse widths]."""
 _EDGE_SHARE = 0.6
-"""So many of a train's pulses come with the other's when it is its edges; the rest is noise."""
+"""Least share of a train's pulses that come with another's if it is its edges."""
 _ROUNDING_NS = 1000
 """More than times of today lose as floating-point numbers."""
 
@@ -53,7 +53,6 @@ class _Heard(Generic[H]):
     level: float
     frequency_hz: float
     times_ns: list[int]
-    """Of the pulses."""
     near_s: list[float]
     """For each, how near to it another one comes at the same time."""
 
@@ -102,7 +101,6 @@ def mark_ghosts(
 ) -> list[tuple[H, Track]]:
     """Mark the tracks that are ghosts of others, and unmark those that are none any more.
 
-    `hearers`: all detectors of a receiver.
     `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
     Returns: tracks that were not marked before.
     """
@@ -129,21 +127,20 @@ def mark_ghosts(
 def _original(
     one: _Heard[H], heard: list[_Heard[H]], receiver: Receiver, carriers_hz: Sequence[float]
 ) -> int | None:
-    """Number of the tag whose ghost a train is."""
     for other in heard:
         if other.track.ghost_of is None and _is_edges(one, other):
             return other.hearer.tag.tag_id
-    beside = [
+    stronger = [
         (other, found)
         for other in heard
         if other.track.ghost_of is None
         and other.level >= STRONGER * one.level
         and (found := _coincidence(one, other, one.near_s)).together >= LEAST_PULSES
     ]
-    for other, found in beside:
+    for other, found in stronger:
         partners_hz = [
             *carriers_hz,
-            *(third.frequency_hz for third, _ in beside if third is not other),
+            *(third.frequency_hz for third, _ in stronger if third is not other),
         ]
         if receiver.makes(one.frequency_hz, other.frequency_hz, partners_hz) and _chance(
             one, other, found
@@ -158,7 +155,7 @@ def _original(
 
 
 def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
-    """Whether a train is no more than what another's pulses leak far beside their frequency.
+    """Whether a train is no more than what another's pulses leak far from their frequency.
 
     The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Nearer, in the
     band of its own search, trains are shared out (senders.py).
@@ -174,7 +171,6 @@ def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
 
 
 def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
-    """Chance that a tag of its own would come so often with another."""
     tag, interval_s = one.track.tag, other.track.interval_s
     return by_chance(
         found.together,
@@ -186,7 +182,6 @@ def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
 
 
 def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _Coincidence:
-    """Count the newest pulses of a train that come with those of another."""
     mates_ns = other.times_ns
     first_ns, last_ns = mates_ns[0], mates_ns[-1]
     pulses = together = 0
@@ -203,7 +198,6 @@ def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _
 
 
 def _listen(hearer: H, track: Track, slots: list[Slot]) -> _Heard[H]:
-    """Gather what is asked of a track by all others."""
     width_s = track.tag.pulse_width_s
     return _Heard(
         hearer,

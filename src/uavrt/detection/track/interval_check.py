@@ -36,8 +36,6 @@ class Intervals:
     ) -> NDArray[np.bool_]:
         """Which places of a candidate have the pulses of a train with another interval.
 
-        `search`: that found it.
-        `noise`: shape (rows,).
         Returns: (K,) None of them where no other interval is better than the declared.
         """
         hop = self._grid.hop
@@ -68,12 +66,10 @@ class Intervals:
         return np.asarray(np.abs(away) < width + search.reach)
 
     def _within(self, search: RateSearch) -> float:
-        """Most that a tag's interval differs from the declared, in columns."""
         most_s = self._bounds.most_interval_error_s(search.rate)
         return most_s * self._grid.sample_rate_hz / self._grid.hop
 
     def _nominal(self, search: RateSearch) -> float:
-        """Declared interval in columns."""
         interval_s = self._bounds.tag.pulse_intervals_s[search.rate - 1]
         return interval_s * self._grid.sample_rate_hz / self._grid.hop
 

@@ -28,21 +28,21 @@ _FEW_PULSES = 3
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
 _FLANK_RATIO = 2.0
-"""Half a pulse earlier or later a pulse has a quarter of its power, and so it has 35 Hz beside
+"""Half a pulse earlier or later a pulse has a quarter of its power, and so it has 35 Hz from
 its frequency. Twice as much there is another tag's: of another interval or frequency."""
 _LOBE_RATIO = 3.0
 _WEAK = 4.0
-"""What lies beside a weaker pulse says nothing: the noise of a whole channel reaches twice as
+"""What lies around a weaker pulse is no evidence: the noise of a whole channel reaches twice as
 much in most windows, and one place of noise carries no group."""
 _LOUD = 8.0
 _MOST_BESIDE = 6.0
 """Sum over a group of what exceeds the allowed on the flanks. Noise exceeds it in one window
 of 800, by this much in one of 300 000; pulses of a tag with another interval in many."""
 _MOST_ANOTHERS = 4
-"""Of so many pulses of a group one may be another's."""
+"""Least pulses of a group of which one may be another's."""
 _FLANK_BINS = 1.9
-"""A strong pulse's cells are at their limit far from its row, and partly beside it in time:
-from so far the top is gone to. One group in twenty of 50 dB was measured on the flank, 6 dB
+"""A strong pulse's cells are at their limit far from its row, and partly off it in time:
+the top is searched from this far. One group in twenty of 50 dB was measured on the flank, 6 dB
 low; what is further away is refused as a side lobe."""
 
 
@@ -105,7 +105,7 @@ class Judge:
         kept = (starts >= self._buffer.start) & (starts < self._refiner.upto - margin)
         if not kept.any():
             return None
-        # Beside the stream's first sample the stretch looked at is moved, not given up.
+        # At the stream's first sample the stretch looked at is moved, not given up.
         starts = np.maximum(starts, self._buffer.start + math.ceil(half) + 1)
         starts, offset = starts[kept], float(grid.offsets_hz[candidate.row])
         bin_hz = grid.sample_rate_hz / grid.window
@@ -142,15 +142,12 @@ class Judge:
     ) -> tuple[list[tuple[int, Measured]], str | None]:
         """Distinguish a tag's group from other signals, and its pulses from others'.
 
-        Among many weak pulses there is always one beside which noise, an impulse or another
+        Among many weak pulses there is always one near which noise, an impulse or another
         signal is stronger: such a pulse is left out, and the group must be one without it. What
         says so of more than one pulse in four, or of one that carries the group, speaks of the
         group.
 
         `places`: a group above the threshold: places among the K, in order of time.
-        `search`: that found it.
-        `candidate`: what was measured.
-        `noise`: shape (rows,).
         `floor`: mean power of a sample without pulses.
         Returns (own, reason): the pulses that are the tag's; why the group is no tag.
         """
@@ -158,13 +155,13 @@ class Judge:
         if reason is not None:
             return [], reason
         own: list[tuple[int, Measured]] = []
-        total, without, beside = 0.0, candidate.score * search.threshold, 0.0
+        total, without, flanks = 0.0, candidate.score * search.threshold, 0.0
         for place, pulse in places:
             anothers, more = self._anothers(pulse, floor)
             if anothers is not None:
                 reason = reason or anothers
                 without -= max(0.0, min(pulse.power, search.limit) - 1.0)
-                beside += more
+                flanks += more
                 continue
             own.append((place, pulse))
             pulse.contrast = self._refiner.contrast(pulse)
@@ -172,7 +169,7 @@ class Judge:
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
         least = search.threshold * gate(search.k)
         few = _MOST_ANOTHERS * (len(places) - len(own)) <= len(places)
-        if reason is not None and (not few or without < least or beside > _MOST_BESIDE):
+        if reason is not None and (not few or without < least or flanks > _MOST_BESIDE):
             return [], reason
         if total < least * 0.97:
             return [], "no contrast with its surroundings"
@@ -246,7 +243,7 @@ class Judge:
         strength = min(max(sum(p.enr for p in group) / len(group), 8.0), 30.0)
         width = self._grid.window
         half = self._tag.interval_jitter_s * self._grid.sample_rate_hz + width / 8.0
-        # The best of so many cells is looked at: noise has one that is likelier than none.
+        # The best of many cells counts: noise has one that is likelier than none.
         half_s = half / self._grid.sample_rate_hz
         cells = independent_cells(half_s, TRACK_BAND_HZ, self._tag.pulse_width_s)
         price = math.log(MORE_CELLS * cells)

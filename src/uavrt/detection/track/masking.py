@@ -1,7 +1,7 @@
 """Pulses hidden by a stronger tag: which ones to subtract before measuring the weaker tag.
 
-A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz beside
-it: one 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. Its time,
+A rectangular pulse cut by a window leaks up to 1 / (pi df tp)^2 of its power to df Hz away:
+one 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two overlap. Its time,
 frequency and amplitude are known from its own track, so it can be subtracted.
 """
 
@@ -10,7 +10,7 @@ from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.tracks import Track
 
 STRONGER = 2.0
-"""A pulse so many times a track's own is taken out before that track is looked at."""
+"""Ratio to a track's own pulse at which another is taken out before the track is measured."""
 _LEAST_BINS = 0.8
 """Nearer in frequency it may be the track's own pulse, followed twice."""
 
@@ -29,7 +29,6 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
     """Tracks that may hide a track's pulses: stronger, and at another frequency.
 
-    `tracks`: all that are followed.
     `sample_rate_hz`: frequencies are compared around this circle.
     """
     if len(tracks) < 2:

@@ -21,10 +21,7 @@ _ACTIVE_INTERVALS = 5.0
 
 
 class Reporter:
-    """Makes the records of one detector.
-
-    `center_frequency_hz`: of the channel, absolute.
-    """
+    """Makes the records of one detector."""
 
     def __init__(
         self, tag: Tag, *, center_frequency_hz: float, sample_rate_hz: float, counters: Counters
@@ -86,7 +83,7 @@ class Reporter:
     def report(self, track: Track, *, last: bool = False) -> None:
         """Make records of a track's accepted pulses, and of weak ones it has given up on.
 
-        `last`: nothing follows: what waits for its rate's label waits in vain.
+        `last`: nothing follows: do not wait for the rate's label.
         """
         if self.doubts(track, last=last) or track.held:
             return
@@ -110,7 +107,7 @@ class Reporter:
     def doubts(self, track: Track, *, last: bool = False) -> bool:
         """Whether bursts alone make more tracks like it than false alarms are asked for.
 
-        What was in doubt once waits for its confirmation: all its pulses are told as confirmed.
+        What was in doubt once waits to be confirmed: all its pulses are reported as confirmed.
         """
         if track.confirmed:
             return False
@@ -151,7 +148,7 @@ class Reporter:
             margin_hz=EDGE_HZ if track.placed else 0.0,
         )
         track.placed = True
-        # Everything that it measures from now on lies beside it.
+        # Everything that it measures from now on lies near it.
         track.offset_hz += place_hz - track.steady_hz
         track.steady_hz = place_hz
 

@@ -23,19 +23,19 @@ from uavrt.detection.track.bursts import Bursts, Known
 from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT
-"""Of the columns, eight to a pulse, every fourth tells the noise as much as all."""
+"""Columns, eight to a pulse, of which one is used for the noise: more add no knowledge."""
 _LEARN_BATCHES = 3
-"""The noise is followed so many batches at a time: a call costs more than its data."""
+"""Batches with which the noise is followed at a time: a call costs more than its data."""
 _LEAST_NOISE_S = 0.35
 _LEAST_CLEAN = 0.2
-"""Share of the columns without impulses from which on these alone tell the noise. Impulses so
-dense that fewer are left are in nearly all, which then have about the same noise."""
+"""Least share of columns without impulses that are used alone for the noise. Impulses so dense
+that fewer are left are in nearly all, which then have about the same noise."""
 _LAG_S = 0.07
 """The newest columns lag a window and a filter behind the samples."""
 _KEPT_S = 4.0
 """Besides a group's span, levels are kept so long: pulses are measured some time later."""
 _YOUNG_NOISE_S = 2.5
-"""Until so much is heard the noise is measured anew from all of it with each batch."""
+"""Time in which each batch measures the noise from all columns so far [s]."""
 
 _MANY_LINES = 1.025
 """To multiply a threshold by while many lines are taken out: what is left of each changes from
@@ -102,11 +102,14 @@ class SearchBand:
         """Noise power of each row in the newest columns, shape (rows,)."""
         return self._noise.level * self.leveller.rows_now
 
-    def note_lines(self, *, many: bool) -> None:
-        """Report whether many lines are being taken out of the samples."""
-        if many != self._noise.ragged:
-            self._noise.ragged = many
-            self._trust_noise(anew=self._noise.ready)
+    def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
+        """Learn whether many lines are taken out, and whether the noise is whitened."""
+        for search in self._anchor_searches:
+            if search.null is not None:
+                search.null.coloured = many_lines or whitened
+        if many_lines != self._noise.ragged:
+            self._noise.ragged = many_lines
+            self._trust_noise(always=self._noise.ready)
 
     def advance(
         self, upto: int, *, last: bool
@@ -138,7 +141,7 @@ class SearchBand:
             results.append((search, best_first(found)))
         return results
 
-    def company(self, upto: int) -> tuple[int, ...] | None:
+    def batch_key(self, upto: int) -> tuple[int, ...] | None:
         """What bands that `advance_together` to such an index must have in common.
 
         None: this one must go alone.
@@ -165,7 +168,6 @@ class SearchBand:
         return self._anchor_searches
 
     def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
-        """Count new columns, and learn the noise from them."""
         begin, self._column = self._column, self._column + len(power)
         if len(power):
             self._learn(power, begin, last=last)
@@ -241,16 +243,13 @@ class SearchBand:
 
     @property
     def _broken(self) -> bool:
-        """Whether samples are lost, or were taken out as impulses."""
         return bool(self._buffer.lost or self._buffer.blanked)
 
     @property
     def _knows_noise(self) -> bool:
-        """Whether the noise is only followed from here on."""
         return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
-        """Feed the noise with columns that hold no lost samples."""
         whole = power
         if self._broken:
             whole = power[self._whole_columns(begin, len(power))]
@@ -273,9 +272,9 @@ class SearchBand:
             if self._heard_s >= _YOUNG_NOISE_S:
                 self._learnt.clear()
 
-    def _trust_noise(self, *, anew: bool = False) -> None:
+    def _trust_noise(self, *, always: bool = False) -> None:
         """Search with what the noise's error asks for, until that is no more than usual."""
-        if not (self._unsure or anew):
+        if not (self._unsure or always):
             return
         error = self._noise.relative_error
         more = _MANY_LINES if self._noise.ragged else 1.0
@@ -289,11 +288,7 @@ class SearchBand:
         return self._buffer.weights(first, self._grid.window)
 
     def _weigh(self, power: NDArray[np.float32], begin: int) -> None:
-        """Scale columns with lost samples to the noise of complete ones, in place.
-
-        `power`: shape (columns, rows).
-        `begin`: number of the first column.
-        """
+        """Scale columns with lost samples to the noise of complete ones, in place."""
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
             power *= weights.astype(np.float32)[:, np.newaxis]
@@ -302,7 +297,7 @@ class SearchBand:
         weights = self._weights(begin, count)
         heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
         # A window with 7 ms taken out has a third of its noise less: five such in a second
-        # told 3 % too little, two and a half times the false groups.
+        # gave 3 % too little, two and a half times the false groups.
         clean = self._without(self._buffer.lost, begin, count)
         clean &= self._without(self._buffer.blanked, begin, count)
         return clean if clean.sum() > _LEAST_CLEAN * heard.sum() else heard
@@ -324,7 +319,7 @@ class SearchBand:
 def advance_together(
     bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
 ) -> list[list[tuple[RateSearch, list[Candidate]]]]:
-    """Do as `SearchBand.advance` for bands that have the same `company`."""
+    """Do as `SearchBand.advance` for bands that have the same `batch_key`."""
     power = push_together(
         [band._spectrogram for band in bands],
         [
@@ -362,7 +357,6 @@ def advance_together(
 
 
 def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> None:
-    """Feed the noises with new columns, shape (bands, rows, columns)."""
     count = power.shape[2]
     plain = []
     for index, band in enumerate(bands):

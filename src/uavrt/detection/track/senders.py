@@ -4,7 +4,7 @@ Detectors whose bands overlap hear the same pulses, and each would take them for
 Here their tracks are put together: tracks of the same pulses are one train, and each train is
 given to one tag, each tag one train, by interval and frequency. A declared uncertainty is read
 as three standard deviations of a normal error, and as a bound. Where another tag is no less
-than a twentieth as likely, its number stands beside the pulses' own. What was measured of a
+than a twentieth as likely, its number is given with the pulses' own. What was measured of a
 tag's interval while nothing else could have sent it is kept, and decides later.
 """
 
@@ -32,7 +32,7 @@ from uavrt.detection.track.trains import (
 from uavrt.messages import Tag
 
 CERTAIN = math.log(20.0)
-"""Another tag is ruled out when it is so much less likely (log of the ratio)."""
+"""Log likelihood ratio at which another tag is ruled out."""
 INTERVAL_DRIFT = 2e-3
 """Relative change of a tag's interval within a flight that what was learnt must allow for. The
 crystals and oscillators of tags keep to 1e-4 and 1e-3 over the temperatures of a day."""
@@ -43,11 +43,11 @@ _BOUND_SIGMAS = 3.0
 _USUAL_HZ = 500.0
 """Tags are off by no more, however wide the search is."""
 _MOST_MISS = 30.0
-"""Squared standard deviations of a frequency: the search goes as far as it was told to."""
+"""Squared standard deviations of a frequency: the search goes as far as it is set to."""
 _STAYS = 1.0
-"""A train stays with its tag until another is so much likelier (log of the ratio)."""
+"""Log likelihood ratio at which a train moves from its tag to another."""
 _GIVEN = 50.0
-"""Worth of giving a train to any tag: more than all that tells tags apart."""
+"""Worth of giving a train to any tag: more than all that distinguishes tags."""
 _RELEARN_NS = 60e9
 """So long a tag must be heard with another interval than was learnt before that is given up."""
 _MOST_TRAINS = 6
@@ -89,7 +89,6 @@ def part(one: Tag, two: Tag) -> "Parting":
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
     """Find the small ratio at which the intervals of two tags may be, by their bounds.
 
-    `one`, `two`: in any order.
     Returns: of the longer interval to the shorter one: 2 to 1, 3 to 1 or 3 to 2. The pulses
     that both have are each as good for the one as for the other.
     """
@@ -109,18 +108,17 @@ def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parting:
-    """What tells two tags of one band apart."""
+    """What distinguishes two tags of one band."""
 
     gap_s: float
     """Between their nearest intervals."""
     certain: bool
-    """Whether one heard alone is told from the other whatever its error within its bound."""
+    """Whether one received alone is identified, whatever its error within its bound."""
     uncertainty_s: float
     """With less than this declared for each they are."""
     pulses: int | None
-    """So many pulses measure the gap; None: it is less than tags drift, nothing parts them."""
+    """Pulses that measure the gap; None: it is less than tags drift, nothing parts them."""
     seconds: float | None
-    """What that takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +155,8 @@ class Senders(Generic[H]):
         """By which figures trains were shared out last, and how."""
         self._shared: list[_Share] = []
         self._heard: dict[int, tuple[float, float]] = {}
-        """Pulses of confirmed trains lately heard, by time [ns]: absolute frequency and power.
-        They are no bursts to any tag."""
+        """Pulses of confirmed trains, for 40 s, by time [ns]: absolute frequency, power. They
+        are no bursts to any tag."""
         self._heard_ns = np.zeros(0, np.int64)
         """Their times; with hundreds of tags they are many, and asked for with every pulse."""
         self._heard_how = np.zeros((0, 2))
@@ -169,7 +167,7 @@ class Senders(Generic[H]):
             return
         self._remember()
         trains = put_together(self.hearers)
-        # A ghost is nobody's, but the detector of the one tag tells of it.
+        # A ghost belongs to no tag, but the detector of the one tag reports it.
         ghosts = [t for t in trains if any(track.ghost_of is not None for _, track in t.tracks)]
         nobodys = {id(train) for train in ghosts}
         nobodys |= {id(train) for train in made_of_others(trains, near_ns=self._near_ns)}
@@ -244,22 +242,21 @@ class Senders(Generic[H]):
     def _report(self) -> None:
         """Let the detectors report their pulses, each pulse under one tag's number."""
         pairs = [(hearer, track) for hearer in self.hearers for track in hearer.tracks]
-        told = _Told[H]()
+        done = _Reported[H]()
         for hearer, track in pairs:
             if track.confirmed:
-                told.add(hearer, track, _reported_ns(track))
+                done.add(hearer, track, _reported_ns(track))
         # What was heard longest is least likely to have others' pulses.
         for hearer, track in sorted(pairs, key=lambda pair: -len(heard_ns(pair[1]))):
             if not track.held:
-                for times_ns in told.beside(hearer, track):
+                for times_ns in done.near(hearer, track):
                     _pass_over(track, times_ns)
             before = set(_reported_ns(track))
             hearer.report(track)
             if track.confirmed and not track.held:
-                told.add(hearer, track, [t for t in _reported_ns(track) if t not in before])
+                done.add(hearer, track, [t for t in _reported_ns(track) if t not in before])
 
     def _remember(self) -> None:
-        """Keep the times of what is certainly a tag's."""
         for hearer in self.hearers:
             for track in hearer.tracks:
                 if not track.confirmed or track.dead:
@@ -277,7 +274,7 @@ class Senders(Generic[H]):
     def heard_where(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Get the pulses of confirmed trains lately heard at some frequencies.
+        """Get the pulses of confirmed trains of the last 40 s at some frequencies.
 
         `wanted`: says which of some absolute frequencies are meant.
         Returns (times_ns, heard): (n,); (n, 2), absolute frequency and power of each.
@@ -286,7 +283,6 @@ class Senders(Generic[H]):
         return self._heard_ns[some], self._heard_how[some]
 
     def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
-        """Of the trains that could be one tag's by frequency those heard last."""
         some = sorted(trains, key=lambda train: train.frequency_hz)
         frequencies_hz = [train.frequency_hz for train in some]
         left = []
@@ -308,7 +304,6 @@ class Senders(Generic[H]):
         return [(trains[at], to, others, sure) for at, to, others, sure in self._shared]
 
     def _share_out_anew(self, trains: list[Train[H]]) -> list[_Share]:
-        """Share out the trains, those that compete together."""
         likely = [self._likely(train) for train in trains]
         shares = []
         for part in parts(likely):
@@ -349,7 +344,6 @@ class Senders(Generic[H]):
         return {i: value + _GIVEN for i, value in values.items() if value > -math.inf}
 
     def _near(self, train: Train[H]) -> list[H]:
-        """Detectors in whose band a train may be, by the numbers of their tags."""
         reach_hz, rate_hz = self._reach_hz, self._rate_hz
         places: set[int] = set()
         for alias_hz in (-rate_hz, 0.0, rate_hz):
@@ -383,7 +377,6 @@ class Senders(Generic[H]):
         _give(train, tag_id, tuple(others))
 
     def _likelihood(self, train: Train[H], hearer: Hearer) -> float:
-        """Log-likelihood of a train's interval and frequency if a tag sent it."""
         if not hearer.could_be(train.frequency_hz):
             return -math.inf
         tag = hearer.tag
@@ -403,7 +396,6 @@ class Senders(Generic[H]):
         return best - 0.5 * min((miss_hz / sigma_hz) ** 2, _MOST_MISS)
 
     def _learn(self, train: Train[H], tag_id: int) -> None:
-        """Keep the interval of a tag that nothing else can be."""
         tag = self._by_tag[tag_id].tag
         nominal_s = min(tag.pulse_intervals_s, key=lambda s: abs(s - train.interval_s))
         bound = INTERVAL_DRIFT + _BOUND_SIGMAS * train.sigma_s / nominal_s
@@ -446,7 +438,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _in_question(track: Track) -> list[Slot]:
-    """Pulses that a track is believed for, while nobody has been told of it as confirmed."""
+    """Pulses for which a track is believed, until it is reported as confirmed."""
     if track.dead or track.shared_as_confirmed:
         return []
     accepted = [slot for slot in track.slots if slot.state in ("accepted", "reported")]
@@ -460,8 +452,7 @@ def _reported_ns(track: Track) -> list[int]:
 
 
 def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
-    """Let one detector report a train and silence the others."""
-    told = [
+    reported_ns = [
         slot.time_ns
         for hearer, track in train.tracks
         if hearer.tag.tag_id != tag_id
@@ -477,10 +468,10 @@ def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
         track.alternatives = others if track is best else ()
         track.shared_as_confirmed = track.confirmed
         if begins and not track.held:
-            _pass_over(track, told)
+            _pass_over(track, reported_ns)
 
 
-class _Told(Generic[H]):
+class _Reported(Generic[H]):
     """Pulses reported so far, indexed by frequency: of hundreds of tags few are near one."""
 
     def __init__(self) -> None:
@@ -493,7 +484,7 @@ class _Told(Generic[H]):
             place = math.floor(at_hz / SAME_FREQUENCY_HZ)
             self._places.setdefault(place, []).append((hearer, at_hz, times_ns))
 
-    def beside(self, hearer: H, track: Track) -> Iterator[list[int]]:
+    def near(self, hearer: H, track: Track) -> Iterator[list[int]]:
         """Return the times of pulses that other detectors reported at a track's frequency."""
         here_hz = hearer.absolute_hz(track)
         middle = math.floor(here_hz / SAME_FREQUENCY_HZ)
@@ -504,7 +495,6 @@ class _Told(Generic[H]):
 
 
 def _pass_over(track: Track, told_ns: Iterable[int]) -> None:
-    """Leave out pulses already reported under another tag's number."""
     near_ns = 0.75e9 * track.tag.pulse_width_s
     times = list(told_ns)
     for slot in track.slots:

@@ -43,7 +43,7 @@ noise and confirmed it are its largest peaks of many: with these to vouch, a thi
 of noise passed."""
 _SURE_TRUST = 10.0
 MOST_TOLD_BY_ONE = 8
-"""Most pulses of a decision of which a single one tells anything; of longer groups the sums."""
+"""Most pulses of a decision of which a single one is evidence; of longer groups, the sums."""
 _SAID_BY_POWER = (0.93, -1.9)
 """Log-likelihood ratio of a pulse of 9 dB to none, by a cell's power: slope and value at zero
 of the straight line along log I0(2 sqrt(8 P)) - 8 from P = 4 to 14 (within 0.6)."""
@@ -155,11 +155,11 @@ class Track:
     stands_out: bool = False
     """Whether noise alone would hardly have brought it so far."""
     interval_open: bool = False
-    """Whether too few pulses tell its interval from others'."""
+    """Whether its pulses are too few to distinguish its interval from others'."""
     trust: float = MOST_TRUST
     """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
-    rivals: "list[Track]" = field(default_factory=list)
-    """The same transmitter at the tag's other rate, should it have switched (rivals.py)."""
+    at_other_rate: "list[Track]" = field(default_factory=list)
+    """The same transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
     """The last pulse at which the rate is known not to have changed; a rival's beginning."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
@@ -261,8 +261,8 @@ class Track:
                 self.last_accepted_s = time_s
                 self.tested += 1
         self._keep_slots(max(2 * self.tag.k, 6))
-        # A second group on the lattice of the first is no accident of noise; of which of two
-        # rates it is, nothing here tells.
+        # A second group on the lattice of the first is no accident of noise; which of two
+        # rates it has is open.
         one_rate = len(self.tag.pulse_intervals_s) == 1
         if self.tested >= self.tag.k and one_rate and self.odds >= 0.0:
             self.confirmed = True
@@ -338,14 +338,13 @@ class Track:
         self.halves = [0.0, 0.0]
         self.slots.clear()
         self.past_ns.clear()
-        self.rivals.clear()
+        self.at_other_rate.clear()
         self.time_s -= since_s
         self.certain_s -= since_s
         self.settled_s -= since_s
         self.last_accepted_s = -math.inf
 
     def _keep_slots(self, count: int) -> None:
-        """Keep the newest slots, and of the accepted before them the times."""
         old = [s.time_ns for s in self.slots[:-count] if s.state in ("accepted", "reported")]
         if old:
             self.past_ns += old
@@ -427,7 +426,6 @@ class Track:
         return max(empty, min(noise, slot.no_burst))
 
     def _weigh(self, slot: Slot) -> None:
-        """Trust the track more, or less, for what was found at a place."""
         if self.tag.k > MOST_TOLD_BY_ONE:
             return
         self.trust += max(-_TRUST_LOST, min(_TRUST_WON, slot.said))

@@ -21,9 +21,9 @@ _LIKELY = -6.0
 """Log odds of a track that is about to be confirmed: it is taken for bursts while another train
 is not sure, whose pulses are counted as such. Groups are reported from about there on."""
 _SAME_SHARE = 2.0 / 3.0
-"""So many pulses of two tracks are the same when they are one train; less is a collision."""
+"""Least share of common pulses of two tracks that are one train; less is a collision."""
 _OTHERS_SHARE = 2.0 / 3.0
-"""So many pulses of a train are those of others when it is none."""
+"""Least share of pulses that are others' at which a train is none."""
 _LEAST_PULSES = 3
 """Fewer may be others' by accident."""
 _ALIKE = 1.2
@@ -116,11 +116,7 @@ class KnownPulse:
     def explains(
         self, slot: Slot, frequency_hz: float, width_s: float, *, near_ns: float
     ) -> bool:
-        """Whether a pulse found at a frequency is this one, or no more than what it leaks.
-
-        `frequency_hz`, `width_s`: of its track.
-        `near_ns`: pulses closer than this are the same.
-        """
+        """Whether a pulse found at a frequency is this one, or no more than what it leaks."""
         if abs(slot.time_ns - self.time_ns) >= near_ns + self.within_ns:
             return False
         apart_hz = abs(frequency_hz - self.frequency_hz)
@@ -166,7 +162,6 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
     A lattice may have its places where other trains have theirs: one of 1254 ms has every
     second pulse of one of 1881 ms, and now and then one of a third.
 
-    `near_ns`: pulses closer than this are the same.
     Returns: those that explain less than the confirmed trains of whose pulses they are made.
     """
     found: list[Train[H]] = []
@@ -265,7 +260,6 @@ def _is_active(track: Track, now_s: float) -> bool:
 
 
 def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
-    """Whether two tracks follow the same pulses."""
     apart_hz = abs(one_at.absolute_hz(one) - two_at.absolute_hz(two))
     if apart_hz > SAME_FREQUENCY_HZ:
         return False

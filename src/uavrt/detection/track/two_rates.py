@@ -1,7 +1,7 @@
 """Decide which of its two rates a tag is sending at by comparing both lattices.
 
 Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
-may yet be of the other rate. The other rate is followed beside the track from each pulse at
+may yet be of the other rate. The other rate is followed with the track from each pulse at
 which the tag may have switched; what the samples say since then of each is a sum of
 log-likelihood ratios, a pulse against none, over the places that each expects. A pulse is
 confirmed at a rate once that rate leads.
@@ -22,7 +22,7 @@ from uavrt.detection.track.tracks import Slot, Track
 WINS = 8.0
 """Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
 PATIENCE_INTERVALS = 2.5
-"""So many of the longer intervals a pulse waits for its label; then it is only `detected`."""
+"""Longer intervals that a pulse waits for its label; then it is only `detected`."""
 
 _RATIO_SHARE = 0.25
 """Of an interval's uncertainty, once the tag is followed at the other rate."""
@@ -43,20 +43,16 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def set_up_rivals(track: Track) -> None:
-    """Let the other rate begin at each pulse heard at which no rival has begun yet.
-
-    `track`: confirmed; changed in place.
-    """
-    since_s = max((rival.settled_s for rival in track.rivals), default=-math.inf)
+    """Let the other rate begin at each pulse heard at which no rival has begun yet."""
+    since_s = max((rival.settled_s for rival in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.slots:
         if slot.state in ("accepted", "reported") and slot.time_s > since_s:
-            track.rivals.append(_rival(track, slot))
-    del track.rivals[:-MOST_RIVALS]
+            track.at_other_rate.append(_rival(track, slot))
+    del track.at_other_rate[:-MOST_RIVALS]
 
 
 def _rival(track: Track, start: Slot) -> Track:
-    """The tag's other rate from a pulse on."""
     rate = 3 - track.rate
     nominal_s = track.tag.pulse_intervals_s
     rival = Track(tag=track.tag, rate=rate, offset_hz=track.offset_hz, score=track.score)
@@ -74,7 +70,7 @@ def lags(track: Track, rival: Track) -> bool:
 def settle_rivalry(track: Track) -> Track | None:
     """Decide between the rates where one leads; both have been looked at to the same time.
 
-    `track`: changed in place: drops the rivals that it beats and knows until when it is
+    `track`: changed in place: drops the tracks that it beats and knows until when it is
     certain.
     Returns: the rival that the track must become.
     """
@@ -82,7 +78,7 @@ def settle_rivalry(track: Track) -> Track | None:
     enr = strength(track)
     leads: list[tuple[float, Track]] = []
     left = []
-    for rival in track.rivals:
+    for rival in track.at_other_rate:
         since_s = max(rival.settled_s, track.slots[0].time_s) + track.tag.pulse_width_s
         lead = evidence(_between(rival, since_s, upto_s), enr)
         lead -= evidence(_between(track, since_s, upto_s), enr)
@@ -91,7 +87,7 @@ def settle_rivalry(track: Track) -> Track | None:
             track.settled_s = max(track.settled_s, rival.settled_s)
         else:
             left.append(rival)
-    track.rivals = left
+    track.at_other_rate = left
     most, best = max(leads, key=lambda pair: pair[0], default=(0.0, None))
     heard = best is not None and best.last_accepted_s > best.settled_s
     winner = best if heard and most > WINS else None
@@ -134,7 +130,7 @@ def become(track: Track, rival: Track) -> None:
     track.last_accepted_s = rival.last_accepted_s
     track.sequences = {}
     track.certain_s = track.time_s + _margin_s(track)
-    track.rivals = []
+    track.at_other_rate = []
     track.settled_s = rival.last_accepted_s - track.tag.pulse_width_s
 
 
@@ -152,7 +148,6 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
     The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
 
-    `enr`: ENR that the pulses have.
     Returns: log-likelihood ratio to noise in all of them.
     """
     return sum(

@@ -32,8 +32,6 @@ def joined(
 ) -> Track | None:
     """Put a group to the one that it goes on with, if there is one.
 
-    `tracks`: the groups so far.
-    `pulses`: a group that reached the threshold.
     `around`: reports what else is on air around a track's place.
     """
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
