@@ -1,8 +1,12 @@
 """Checks of the clocks of logs that are combined: a mast's, a person's, a drone's."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import timedelta
+from itertools import combinations
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uavrt.clock import iso_utc
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -11,6 +15,16 @@ _APART_S = 1800.0
 """Longest pause between logs of one survey [s]; a battery is changed in less."""
 _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
 """1 January 2000: earlier times come from a clock that was never set."""
+_SAME_PULSE_S = 0.1
+"""Longest time between the records of one pulse in two logs [s]."""
+_LEAST_PULSES = 20
+"""Least pulses of a tag in both logs at the same time to compare their clocks."""
+_LEAST_ALIKE = 0.5
+"""Least share of these that both logs have where the clocks agree."""
+_SAME_INTERVAL = 0.03
+"""Largest relative difference between the intervals of one tag."""
+_LEAST_REGULAR = 0.8
+"""Least share of a tag's intervals in a log without many false pulses."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
@@ -40,3 +54,50 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
                 "from the nearest other one: if they were recorded together, a clock is wrong"
             )
     return doubts
+
+
+def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
+    """Name pairs of logs in which the pulses of a tag come at different times.
+
+    So a wrong clock shows in logs that overlap all the same, as those of a mast of a whole day.
+
+    `logs`: each with the times of its pulses [ns, UTC], by a key of the tag.
+    """
+    trains = [
+        (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
+        for path, pulses in logs
+    ]
+    doubts = []
+    for (path, pulses), (other_path, others) in combinations(trains, 2):
+        apart = [_is_apart(pulses[key], others[key]) for key in pulses.keys() & others.keys()]
+        if True in apart and False not in apart:
+            doubts.append(
+                f"{path} and {other_path} have the pulses of the same tag at different times: "
+                f"one of their clocks is wrong, by {_SAME_PULSE_S:g} s or much more"
+            )
+    return doubts
+
+
+def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
+    """Whether two logs have the pulses of a tag at different times; None: not known."""
+    intervals = [interval for each in (one, other) if (interval := _interval_ns(each))]
+    if len(intervals) < 2 or abs(intervals[0] / intervals[1] - 1.0) > _SAME_INTERVAL:
+        return None
+    near = other[np.minimum(np.searchsorted(other, one - intervals[0] / 2), len(other) - 1)]
+    apart_ns = np.abs(near - one)
+    apart_ns = apart_ns[apart_ns <= intervals[0] / 2]
+    if len(apart_ns) < _LEAST_PULSES:
+        return None
+    alike = np.mean(apart_ns <= _SAME_PULSE_S * NANOSECONDS_PER_SECOND)
+    return bool(alike < _LEAST_ALIKE)
+
+
+def _interval_ns(times_ns: NDArray[np.int64]) -> float | None:
+    """Get a tag's interval; None of few pulses, of many false ones, and of rounded times."""
+    steps = np.diff(times_ns)
+    if len(steps) < _LEAST_PULSES or not np.any(times_ns % (NANOSECONDS_PER_SECOND // 10)):
+        return None
+    interval_ns = float(np.median(steps))
+    beats = steps / interval_ns if interval_ns > 0 else steps
+    regular = np.mean(np.abs(beats - np.round(beats)) <= _SAME_INTERVAL)
+    return interval_ns if regular >= _LEAST_REGULAR and interval_ns > 0 else None

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -16,7 +17,7 @@ from uavrt.analysis.bearings import (
     read_recorded,
 )
 from uavrt.analysis.flight_copies import SAME_PULSES
-from uavrt.analysis.log_clocks import clock_doubts
+from uavrt.analysis.log_clocks import clock_doubts, pulse_doubts
 from uavrt.analysis.same_tags import NamedTag, SameTags, same_tags
 from uavrt.errors import UsageError
 from uavrt.geodesy import distance_m
@@ -113,13 +114,22 @@ def read_positions(
         [one.log for one in logs],
         [() if one.flight is None else one.flight.info.tags for one in logs],
     )
-    for text in same.warnings:
+    trains = [(one.path, _times(one, keys)) for one, keys in zip(logs, same.keys, strict=True)]
+    for text in (*same.warnings, *pulse_doubts(trains)):
         warn(text)
     rows = [one for _, every in noted for one in every]
     found = _positions_of_logs(
         [*zip(logs, same.keys, strict=True)], _under_keys(rows, same), how, warn
     )
     return _with_names(found, same)
+
+
+def _times(log: Recorded, keys: Mapping[int, int]) -> dict[int, list[int]]:
+    """Collect the times of a log's pulses [ns, UTC], by the key of the tag."""
+    times = defaultdict[int, list[int]](list)
+    for one in log.log.pulse_poses:
+        times[keys[one.pulse.tag_id]].append(one.pulse.start_time_ns)
+    return times
 
 
 def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:

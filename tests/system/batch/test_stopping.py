@@ -4,12 +4,14 @@ import os
 import signal
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from archived import TAGS, record
 from command_line import launched
 from past_flight import write_flight
+from until import until
 
 from uavrt.cli.detect import stop_on_signals
 
@@ -63,3 +65,30 @@ def test_ctrl_c_ends_each_stage_in_two_seconds(
     ended = (0, -signal.SIGINT) if "placed now" in said and "stopped" not in said else (130,)
     assert program.returncode in ended
     assert "Traceback" not in said
+
+
+def has_open(pid: int, name: str) -> bool:
+    """Whether a program has a file of that name open."""
+    with suppress(OSError):  # closed while this looked
+        return any(name in os.readlink(one) for one in Path(f"/proc/{pid}/fd").iterdir())
+    return False
+
+
+def test_ctrl_c_ends_a_season_in_two_seconds(tmp_path: Path) -> None:
+    first = tmp_path / write_flight(tmp_path, 120.0, 300.0)
+    database = (first / "flight.sqlite").read_bytes()
+    for number in range(2000):
+        place = tmp_path / f"flight_{number}"
+        place.mkdir()
+        (place / "flight.sqlite").write_bytes(database)
+    program = launched(
+        *("-m", "uavrt.cli", "season", tmp_path), stderr=subprocess.PIPE, start_new_session=True
+    )
+    until(lambda: has_open(program.pid, "flight.sqlite"), 60.0)
+    begun_s = time.monotonic()
+    os.killpg(program.pid, signal.SIGINT)
+    said, fault = program.communicate(timeout=60.0)
+    assert time.monotonic() - begun_s < 2.0
+    assert program.returncode in (130, -signal.SIGINT)
+    assert said == ""
+    assert "Traceback" not in fault

@@ -9,7 +9,11 @@ from pathlib import Path
 import made
 import pytest
 
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.analysis.season import read_season
+from uavrt.batch.recordings import find_recordings
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings
 from uavrt.recording.schema import PULSE_COLUMNS, insertion, pulse_row
 
 FLIGHTS = 40
@@ -64,3 +68,15 @@ def test_copies_are_found_and_no_flight_is_read_more_than_twice(folder: Path) ->
     season = read_season(folder)
     assert (season.flights, season.copies) == (FLIGHTS, copies)
     assert _opened[0] <= 2 * (FLIGHTS + copies)
+
+
+def test_a_batch_with_nothing_new_opens_no_flight(folder: Path, tmp_path: Path) -> None:
+    sought = TagSource(tags=(made.tag(2, 148.7e6, 1.2),))
+    runs = []
+    for _ in range(2):
+        _opened[0] = 0
+        found = find_recordings([folder / "drone", folder / "ground"])
+        settings = BatchSettings(steps=("attach",), workers=1)
+        runs.append(run_batch(found, sought, tmp_path / "out", settings))
+    assert [one.placed_now for one in runs] == [FLIGHTS, 0]
+    assert (runs[1].placed_before, runs[1].copies, _opened[0]) == (FLIGHTS, 8, 0)

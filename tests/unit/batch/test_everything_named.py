@@ -74,8 +74,8 @@ def test_names_that_are_not_utf_8_are_named_and_the_others_searched(
     command = ("batch", str(root), "--tags", str(tmp_path / "tags.txt"), "--workers", "1")
     assert uavrt(*command, "-o", str(tmp_path / "out")) == 1
     said = capsys.readouterr().err
-    for name in ("a\\xe9.cf32", "se\\xf1al"):
-        assert f"{root}/{name} passed over: its name is not UTF-8 text (rename it)" in said
+    for shown in ("a\\xe9.cf32", "se\\xf1al"):
+        assert f"{root}/{shown} passed over: its name is not UTF-8 text (rename it)" in said
     assert "1 recording, 0 flights" in said
     assert pq.read_table(tmp_path / "out" / "passed_over.parquet").num_rows == 2
 
