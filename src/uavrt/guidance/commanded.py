@@ -238,7 +238,7 @@ class Commanded:
         here = seen.way_to(wish) if isinstance(wish, FlyThere) else (None, 0.0)
         follows = self.manners.follows_course and seen.speed_m_s > COURSE_M_S
         course = seen.course_deg if follows and isinstance(wish, FlyThere) else None
-        return self.yaw.fault(self._made_s(seen), seen.yaw_deg, *here, course)
+        return self.yaw.fault(self._made_s(seen), seen.yaw_deg, *here, course_deg=course)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
         """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""

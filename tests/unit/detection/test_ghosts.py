@@ -152,7 +152,7 @@ def test_what_a_curved_receiver_makes_of_two_signals_is_no_tag_and_a_tag_there_i
     flight = haunted.fly(np.random.default_rng(6), 0)
     assert flight.false <= 2
     assert flight.strong_confirmed >= 0.9 * flight.strong
-    flight = replace(haunted, beside_db=16.0).fly(np.random.default_rng(6), 0)
+    flight = replace(haunted, there_db=16.0).fly(np.random.default_rng(6), 0)
     assert flight.confirmed >= 0.9 * flight.true
     assert flight.false <= 2
 

@@ -1,4 +1,4 @@
-"""ArduCopter looks along its course: a swing of the course after a new target is no takeover."""
+"""ArduCopter looks along its course: a swing after a new target is no takeover."""
 
 from math import atan2, degrees
 
