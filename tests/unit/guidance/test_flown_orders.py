@@ -1,6 +1,7 @@
 """Orders flown to their end, and ended, by both autopilots' manners in virtual time."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.guidance.yaw import YawWatch
 from uavrt.simulation.airframe import Flavour, Frame
-from uavrt.simulation.flying import MODES
+from uavrt.simulation.flying import MODES, FlyingVehicle
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 FIELD = ((50, 0), (50, 150), (150, 150), (150, 0))
@@ -194,16 +195,22 @@ def test_unseen_sticks_must_be_confirmed() -> None:
         flown.authority.confirm(1, 77, flown.time_s)
 
 
+def disarm(vehicle: FlyingVehicle) -> None:
+    vehicle.armed = False
+
+
+def stand_on_the_ground(vehicle: FlyingVehicle) -> None:
+    vehicle.body.height_m, vehicle.ground.landed = 0.0, True
+
+
 @pytest.mark.parametrize(
-    ("change", "reason"),
-    [({"armed": False}, "not armed"), ({"height_m": 0.0, "landed": True}, "on the ground")],
+    ("change", "reason"), [(disarm, "not armed"), (stand_on_the_ground, "on the ground")]
 )
 def test_nothing_is_offered_for_a_vehicle_that_does_not_fly(
-    change: dict[str, Any], reason: str
+    change: Callable[[FlyingVehicle], None], reason: str
 ) -> None:
     flown = prepared()
-    for name, value in change.items():
-        setattr(flown.vehicle, name, value)
+    change(flown.vehicle)
     flown.run(1.1)
     with pytest.raises(CommandRefused, match=reason):
         flown.authority.offer(1, 77, flown.time_s)
