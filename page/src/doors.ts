@@ -3,16 +3,17 @@
 import { get } from "./api";
 import { by, fill, h } from "./dom";
 import type { Door } from "./types";
+import { t, verbatim, type Words } from "./i18n";
 
-const TITLES: Record<string, string> = { page: "This page", "access point": "Wi-Fi of this computer" };
+const TITLES: Record<string, Words> = { page: t("common.this_page"), "access point": t("doors.wi_fi_of_this_computer") };
 
 export function doorsSection(): HTMLElement {
   void get<Door[]>("/doors").then(draw, () => undefined);
   return h(
     "section",
     { class: "block wide", "aria-labelledby": "h-doors" },
-    h("h2", { id: "h-doors" }, "On a phone"),
-    h("div", { id: "doors", class: "doors" }, h("p", { class: "note" }, "This page is served to this computer only: start it with --listen 0.0.0.0 and a password.")),
+    h("h2", { id: "h-doors" }, t("doors.on_a_phone")),
+    h("div", { id: "doors", class: "doors" }, h("p", { class: "note" }, t("doors.this_page_is_served_to"))),
   );
 }
 
@@ -24,8 +25,8 @@ function draw(doors: Door[]): void {
       h(
         "figure",
         { class: "door", "data-door": door.what },
-        h("img", { src: door.picture, width: 180, height: 180, alt: "QR code" }),
-        h("figcaption", {}, h("span", {}, TITLES[door.what] ?? door.what), door.what === "page" ? h("a", { href: door.text, translate: "no" }, door.text) : null),
+        h("img", { src: door.picture, width: 180, height: 180, alt: t("doors.qr_code") }),
+        h("figcaption", {}, h("span", {}, TITLES[door.what] ?? verbatim(door.what)), door.what === "page" ? h("a", { href: door.text, translate: "no" }, verbatim(door.text)) : null),
       ),
     ),
   );

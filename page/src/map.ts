@@ -1,6 +1,6 @@
 /** The map: whatever file the user has below it, or none, and everything of the flight on it. */
 
-import { translated } from "./i18n";
+import { t } from "./i18n";
 import {
   AttributionControl,
   GeoJSONSource,
@@ -96,6 +96,11 @@ export class MapView implements FlightMap {
       center: [0, 20],
       zoom: 1.2,
       attributionControl: false,
+      locale: {
+        "NavigationControl.ZoomIn": t("flatmap.zoom_in"),
+        "NavigationControl.ZoomOut": t("flatmap.zoom_out"),
+        "NavigationControl.ResetBearing": t("map.reset_bearing"),
+      },
       dragRotate: true,
       fadeDuration: 0,
       maxPitch: 0,
@@ -114,7 +119,7 @@ export class MapView implements FlightMap {
     });
     this.map.on("click", (event) => this.onTap({ at: [event.lngLat.lng, event.lngLat.lat], x: event.point.x, y: event.point.y }));
     const canvas = this.map.getCanvas();
-    canvas.setAttribute("aria-label", translated("Map of the flight. Enter taps its middle"));
+    canvas.setAttribute("aria-label", t("common.map_of_the_flight_enter"));
     canvas.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
       const [at, size] = [this.map.getCenter(), canvas.getBoundingClientRect()];
@@ -407,7 +412,7 @@ export class MapView implements FlightMap {
 
   private drawStrongest(all: boolean): void {
     const best = store.selected === null ? null : strongestSignal(store.selected);
-    const label = "strongest signal";
+    const label = t("map.strongest_signal");
     if (this.strength.visible) this.strength.draw(all);
     this.put("strongest", collection(best === null ? [] : [point(best, { label })]));
   }

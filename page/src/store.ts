@@ -26,6 +26,7 @@ import type {
   TagRow,
   WaterfallRecord,
 } from "./types";
+import { t, verbatim, type Words } from "./i18n";
 
 export type Topic =
   | "state"
@@ -181,10 +182,10 @@ class Store {
     return this.review ? this.review.rows : this.tags;
   }
 
-  tagName(id: number): string {
+  tagName(id: number): Words {
     const row = this.tagRows().find((one) => Number(one.id) === id);
     const name = row ? String(row.name ?? "") : "";
-    return name ? `${id} ${name}` : String(id);
+    return verbatim(name ? `${id} ${name}` : id);
   }
 
   tagOrder(id: number): number {
@@ -292,7 +293,7 @@ class Store {
       const found = await estimatesOf(flightId);
       if (ticket === this.opening) this.take(found);
     } catch (error) {
-      if (ticket === this.opening) toast(`Bearings and positions cannot be shown: ${reasonOf(error)}`, 3);
+      if (ticket === this.opening) toast(t("store.bearings_and_positions_cannot_be", { reason: reasonOf(error) }), 3);
     }
   }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from page_driver import Scene, axe_findings
-from page_texts import GOES_ON, filled_forms, told
+from page_texts import GOES_ON, filled_forms, in_german
 from past_flight import write_flight
 from PIL import Image
 from playwright.sync_api import Page, expect
@@ -132,11 +132,11 @@ def test_the_page_finds_the_words_that_the_tests_find(scene: Scene) -> None:
     said = watched.page.evaluate(
         """texts => texts.map((text) => {
           window.uavrt.missing.clear();
-          return [window.uavrt.translated(text), [...window.uavrt.missing]];
+          return [window.uavrt.fromServer(text), [...window.uavrt.missing]];
         })""",
         texts,
     )
-    ours = [(words, list(dict.fromkeys(left))) for words, left in map(told, texts)]
+    ours = [(words, list(dict.fromkeys(left))) for words, left in map(in_german, texts)]
     assert [(words, left) for words, left in said] == ours
 
 
