@@ -6,11 +6,11 @@ import { askForMap, forgetHeard, heardElements, numberOf, tellHeard } from "./he
 import { isPlace } from "./features";
 import { fixed, metres, percent } from "./format";
 import type { LonLat } from "./geo";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import { catchTaps } from "./tap";
 import type { Absence, IntegrationAnswer, SilenceMap, Verdict } from "./types";
 import type { FlightMap } from "./view";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 const AGAIN_MS = 700;
 const MOST_CORNERS = 20;
@@ -28,23 +28,23 @@ export function afterPanel(made: FlightMap): HTMLElement {
   return h(
     "div",
     { id: "after", class: "after", hidden: true },
-    h("h3", {}, t("after.in_the_whole_flight")),
+    h("h3", {}, t("after.whole_flight")),
     h("ul", { id: "verdicts", class: "verdicts" }),
-    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, t("after.search_below_the_noise")),
+    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, t("after.search")),
     h("p", { id: "integrate-status", class: "status-line", role: "status" }),
-    h("h3", {}, t("after.where_it_would_have_been")),
+    h("h3", {}, t("after.silence_title")),
     h(
       "div",
       { class: "fields" },
       h("label", {}, h("span", {}, t("common.tag")), h("select", { id: "silence-tag", onchange: () => void forget() })),
-      h("label", {}, h("span", {}, t("common.radiated_power_dbm")), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
+      h("label", {}, h("span", {}, t("common.radiated_power")), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
     ),
-    h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, t("common.make_the_map")),
+    h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, t("common.make_map")),
     ...heardElements("silence"),
     h(
       "div",
       { class: "area-row" },
-      h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, t("after.draw_an_area")),
+      h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, t("after.draw_area")),
       h("button", { id: "absence-clear", onclick: () => clear() }, t("common.clear")),
     ),
     h("p", { id: "absence-status", class: "status-line absence", role: "status" }),
@@ -72,7 +72,7 @@ function drawAfter(): void {
   const tags = store.hindsight?.tags ?? [];
   fill(
     by("verdicts"),
-    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, t("after.not_searched_below_the_noise"))]),
+    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, t("after.not_searched"))]),
   );
   by("integrate-begin").hidden = review === null || tags.length > 0;
 }
@@ -83,7 +83,7 @@ async function lookBelow(): Promise<void> {
   if (!id) return;
   const button = by("integrate-begin") as HTMLButtonElement;
   button.disabled = true;
-  say(by("integrate-status"), t("after.searching_this_takes_seconds_to"));
+  say(by("integrate-status"), t("after.searching"));
   let fault: Words | "" = "";
   try {
     for (;;) {
@@ -106,13 +106,13 @@ function fold(one: Verdict): HTMLElement | "" {
   return h("img", {
     class: "fold",
     src: `data:image/png;base64,${picture.picture}`,
-    alt: t("after.the_flight_folded_at_the"),
+    alt: t("after.fold_alt"),
   });
 }
 
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
-  const name = t("common.tag_2", { tag: verbatim([one.tag_id, row?.name].filter(Boolean).join(" ")) });
+  const name = t("common.tag_named", { tag: verbatim([one.tag_id, row?.name].filter(Boolean).join(" ")) });
   const often = oftenOf(one.false_alarm_probability);
   const said = one.found
     ? [t("after.found", { interval: fixed(one.interval_s, 4), often, pulses: one.pulses, heard: one.heard_live }), where(one)]
@@ -131,7 +131,7 @@ function where(one: Verdict): HTMLElement | Words | "" {
 }
 
 function partOf(one: Verdict["parts"][number]): Words {
-  return t("after.within", { latitude: fixed(one.latitude_deg, 5), longitude: fixed(one.longitude_deg, 5), radius: metres(one.radius95_m), probability: percent(one.probability) });
+  return t("after.part", { latitude: fixed(one.latitude_deg, 5), longitude: fixed(one.longitude_deg, 5), radius: metres(one.radius95_m), probability: percent(one.probability) });
 }
 
 function silent({ tag_power_dbm, probability, within_m }: NonNullable<Verdict["silent"]>): Words {
@@ -145,10 +145,10 @@ function remarks(one: Verdict): HTMLElement | "" {
 }
 
 function oftenOf(probability: number): Words {
-  if (probability >= 0.01) return t("after.in_of_100_flights", { flights: Math.round(100 * probability) });
+  if (probability >= 0.01) return t("after.odds_in_100", { flights: Math.round(100 * probability) });
   return probability < 1e-9
-    ? t("after.in_fewer_than_one_of")
-    : t("after.in_one_of_flights", { flights: verbatim(Number((1 / probability).toPrecision(1)).toLocaleString("en")) });
+    ? t("after.odds_below_billion")
+    : t("after.odds_one_in", { flights: verbatim(Number((1 / probability).toPrecision(1)).toLocaleString("en")) });
 }
 
 // ------------------------------------------------------------------- the map of silence
@@ -174,7 +174,7 @@ async function make(): Promise<void> {
   if (map) {
     shown = map;
     view.setHeard(map);
-    tellHeard("silence", map, [t("after.the_drones_noise", { noise: fromServer(map.noise) })]);
+    tellHeard("silence", map, [t("after.noise", { noise: fromServer(map.noise) })]);
   }
   await judge();
 }
@@ -185,7 +185,7 @@ function draw(): void {
   drawing = !drawing;
   by("absence-draw").setAttribute("aria-pressed", String(drawing));
   catchTaps(drawing ? corner : null);
-  if (drawing) say(by("absence-status"), t("after.tap_the_corners_of_the"));
+  if (drawing) say(by("absence-status"), t("after.tap_corners"));
 }
 
 function corner(at: LonLat): void {
@@ -206,7 +206,7 @@ async function judge(): Promise<void> {
   const id = store.review?.flight_id;
   if (!id || outline.length < 3) return;
   if (!shown) {
-    say(by("absence-status"), t("after.make_the_map_first"));
+    say(by("absence-status"), t("after.map_first"));
     return;
   }
   const ticket = asked;

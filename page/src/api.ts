@@ -1,7 +1,7 @@
 /** The server, asked. */
 
-import type { FieldFault } from "./types";
 import { fromServer, t, type Words } from "./i18n";
+import type { FieldFault } from "./types";
 
 /** Where this page's vehicle is served: nothing for the first, /vehicle/2 for another. */
 export const BASE = /^\/vehicle\/\d+/.exec(location.pathname)?.[0] ?? "";
@@ -41,7 +41,7 @@ const AGAIN_MS = 2000;
 
 /** Explain to the operator why a request failed. */
 export function reasonOf(error: unknown): Words {
-  return error instanceof ApiError ? error.words : t("api.the_server_cannot_be_reached");
+  return error instanceof ApiError ? error.words : t("api.server_unreachable");
 }
 
 export async function get<T>(path: string): Promise<T> {
@@ -91,7 +91,7 @@ async function answer<T>(response: Response): Promise<T> {
 async function refusal(response: Response): Promise<ApiError> {
   const body = (await response.json().catch(() => ({}))) as Record<string, unknown>;
   const text = body.error ?? body.message;
-  const words = text === undefined ? t("api.the_server_answered", { status: response.status }) : fromServer(String(text));
+  const words = text === undefined ? t("api.server_answered", { status: response.status }) : fromServer(String(text));
   return new ApiError(words, response.status, (body.faults as FieldFault[] | undefined) ?? [], body);
 }
 

@@ -3,9 +3,9 @@
 import { get, reasonOf } from "./api";
 import { by, fill, h, say } from "./dom";
 import { dateTime, span } from "./format";
+import { t, verbatim } from "./i18n";
 import { pager } from "./pager";
 import type { ArchiveAnswer, ArchivedFlight } from "./types";
-import { t, verbatim } from "./i18n";
 
 const ROWS = 20;
 const MOST_TAGS = 12;
@@ -24,7 +24,7 @@ export function archiveSection(open: (id: string) => void): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "h-archive" }, t("archive.the_archive")),
+      h("h2", { id: "h-archive" }, t("archive.title")),
       h("span", { id: "archive-place", class: "note", translate: "no" }),
       h("span", { id: "archive-pager", class: "pager", role: "status" }),
     ),
@@ -53,7 +53,7 @@ async function show(): Promise<void> {
       after = next;
       void show();
     });
-    fill(by("archive-list"), found.total ? table(found.flights) : h("p", { class: "empty" }, t("archive.no_such_flight_in_the")));
+    fill(by("archive-list"), found.total ? table(found.flights) : h("p", { class: "empty" }, t("archive.no_flight")));
   } catch (error) {
     if (number !== asked) return;
     by("archive").hidden = false;
@@ -63,7 +63,7 @@ async function show(): Promise<void> {
 }
 
 function table(flights: ArchivedFlight[]): HTMLElement {
-  const titles = [t("flights.start"), t("common.length"), t("common.pulses"), t("archive.tags_heard_pulses"), t("archive.where_it_is")];
+  const titles = [t("flights.start"), t("common.length"), t("common.pulses"), t("archive.tags_heard"), t("archive.place")];
   return h(
     "table",
     { class: "flights" },

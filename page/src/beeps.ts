@@ -3,15 +3,15 @@
 import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h } from "./dom";
 import { fixed } from "./format";
+import { fromServer, listed, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { BeepRecord, State } from "./types";
-import { fromServer, listed, t, verbatim, type Words } from "./i18n";
 
 let drawn = "";
 
 export function beepBox(): HTMLElement {
-  return h("div", { id: "beeps", class: "beeps", role: "group", "aria-label": t("beeps.what_else_beeps"), hidden: true });
+  return h("div", { id: "beeps", class: "beeps", role: "group", "aria-label": t("beeps.title"), hidden: true });
 }
 
 /** The list changes seldom; it is drawn when it has changed, so that a button stays under a finger. */
@@ -29,11 +29,11 @@ export function drawBeeps(): void {
   if (!state || box.hidden) return;
   fill(
     box,
-    odd.length > 0 && h("h3", {}, t("beeps.what_else_beeps")),
+    odd.length > 0 && h("h3", {}, t("beeps.title")),
     common_ppm !== null && common(common_ppm),
     ...odd.map(item),
     measured.length > 0 &&
-      h("details", {}, h("summary", {}, t("beeps.measured_values", { count: measured.length })), ...measured.map(item)),
+      h("details", {}, h("summary", {}, t("beeps.measured", { count: measured.length })), ...measured.map(item)),
     ...state.corrections.map(corrected),
   );
 }
@@ -42,7 +42,7 @@ function item(one: BeepRecord): HTMLElement {
   const facts = listed(
     fixed(one.frequency_hz / 1e6, 4, "MHz"),
     t("fly.every", { interval: fixed(1e3 * one.interval_s, one.odd ? 0 : 1) }),
-    t("common.pulses_2", { pulses: one.pulses }),
+    t("common.pulse_count", { pulses: one.pulses }),
     fixed(one.level_db, 0, "dB"),
   );
   return h(
@@ -55,12 +55,12 @@ function item(one: BeepRecord): HTMLElement {
 }
 
 function words({ tag_id, what }: BeepRecord["corrects"][number]): Words {
-  return what === "interval" ? t("beeps.list_this_interval_for_tag", { tag: tag_id }) : t("beeps.list_tag_here", { tag: tag_id });
+  return what === "interval" ? t("beeps.correct_interval", { tag: tag_id }) : t("beeps.correct_frequency", { tag: tag_id });
 }
 
 function common(ppm: number): HTMLElement {
-  const text = t("beeps.the_tags_are_ppm_off", { ppm: verbatim(`${ppm > 0 ? "+" : ""}${ppm.toFixed(1)}`) });
-  return h("p", { class: "note" }, text, verbatim(" "), button(t("beeps.correct_the_receiver"), () => correctReceiver(ppm)));
+  const text = t("beeps.receiver_off", { ppm: verbatim(`${ppm > 0 ? "+" : ""}${ppm.toFixed(1)}`) });
+  return h("p", { class: "note" }, text, verbatim(" "), button(t("beeps.correct_receiver"), () => correctReceiver(ppm)));
 }
 
 function corrected(one: State["corrections"][number]): HTMLElement {
@@ -88,7 +88,7 @@ function button(text: Words, ask: () => Promise<{ message: string }>): HTMLEleme
 async function correctReceiver(ppm: number): Promise<{ message: string }> {
   const found = await send<Record<string, number>>("POST", "/parameters", {});
   const before = found["RADIO_PPM"];
-  if (before === undefined) throw new ApiError(t("beeps.the_drone_has_no_parameter"), 409);
+  if (before === undefined) throw new ApiError(t("beeps.no_radio_ppm"), 409);
   // A slow crystal shows all frequencies too high.
   return send("POST", "/commands/set_parameter", { name: "RADIO_PPM", value: Number((before - ppm).toFixed(2)) });
 }

@@ -3,19 +3,19 @@
 import { by, fill, h, say } from "./dom";
 import { fixed } from "./format";
 import { askForMap, forgetHeard, heardElements, numberOf, tellHeard } from "./heard";
+import { t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import type { PlanMap } from "./types";
 import type { FlightMap } from "./view";
-import { t, verbatim, type Words } from "./i18n";
 
 /** What is planned, as the server takes it: places are latitude and longitude. */
 export type Plan = { way: [number, number][] } | { outline: [number, number][]; spacing_m?: number | null };
 
 const MONOPOLE = "monopole";
 /** What a tag of no list is: `uavrt coverage` without --tags. */
-const NO_TAG = t("before.a_typical_tag_150_mhz");
-const NO_LINES = t("before.calculated_for_lines_200_m");
-const NO_TURNS = t("before.calculated_for_a_flight_from");
+const NO_TAG = t("before.typical_tag");
+const NO_LINES = t("before.no_lines");
+const NO_TURNS = t("before.no_turns");
 
 let view: FlightMap;
 let plan: Plan | null = null;
@@ -33,19 +33,19 @@ export function beforeBox(shown: FlightMap): HTMLElement {
   return h(
     "details",
     { id: "before", class: "before", hidden: true },
-    h("summary", {}, t("before.where_would_a_tag_be")),
+    h("summary", {}, t("before.title")),
     h(
       "div",
       { class: "fields" },
       h("label", {}, h("span", {}, t("common.tag")), h("select", { id: "before-tag", onchange: () => forget() }, h("option", { value: "" }, NO_TAG))),
-      input("before-power", t("common.radiated_power_dbm"), { value: "-25", inputmode: "decimal" }),
-      input("before-heights", t("before.flight_heights_m"), { placeholder: t("before.as_above_or_60") }),
+      input("before-power", t("common.radiated_power"), { value: "-25", inputmode: "decimal" }),
+      input("before-heights", t("before.heights"), { placeholder: t("before.heights_hint") }),
     ),
     h(
       "div",
       { class: "area-row" },
-      h("button", { id: "before-make", class: "primary", onclick: () => void make() }, t("common.make_the_map")),
-      h("button", { id: "before-hide", onclick: () => forget() }, t("before.hide_the_map")),
+      h("button", { id: "before-make", class: "primary", onclick: () => void make() }, t("common.make_map")),
+      h("button", { id: "before-hide", onclick: () => forget() }, t("before.hide_map")),
     ),
     ...heardElements("before"),
     h("div", { id: "before-status", class: "status-line", role: "status" }),
@@ -96,7 +96,7 @@ async function make(): Promise<void> {
   forget();
   const wanted = heights();
   if (!plan || !wanted) {
-    say(by("before-fault"), t("before.write_heights_as_numbers_separated"));
+    say(by("before-fault"), t("before.heights_fault"));
     return;
   }
   const ticket = ++asked;

@@ -2,9 +2,9 @@
 
 import { get } from "./api";
 import { by, fill, h, say } from "./dom";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import type { Finding } from "./types";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 const AGAIN_MS = 2000;
 const NAMES: Record<string, Words> = {
@@ -29,8 +29,8 @@ export function buildCheck(): void {
     h(
       "div",
       { class: "bench" },
-      h("h2", { id: "h-check" }, t("check.before_a_first_flight")),
-      h("p", { class: "note" }, t("check.take_the_propellers_off_switch")),
+      h("h2", { id: "h-check" }, t("check.title")),
+      h("p", { class: "note" }, t("check.instructions")),
       h("p", { id: "check-sum", class: "check-sum", role: "status" }),
       h("ul", { id: "check-list", class: "check-list", "aria-labelledby": "h-check" }),
     ),
@@ -47,7 +47,7 @@ export function showCheck(visible: boolean): void {
 async function ask(): Promise<void> {
   const found = await get<Finding[]>("/first-flight").catch(() => null);
   if (!found) {
-    say(by("check-sum"), t("check.the_ground_station_does_not"));
+    say(by("check-sum"), t("check.no_answer"));
     return;
   }
   const wrong = found.filter((one) => !one.ok && !one.open).length;
@@ -63,10 +63,10 @@ async function ask(): Promise<void> {
 
 /** In flight it gives no verdict: propellers must not be put on then. */
 function verdict(wrong: number, open: number, count: number): Words {
-  if (store.state?.armed) return t("check.the_vehicle_is_armed_this");
-  if (wrong) return t("check.of_to_fix", { wrong, count });
-  if (open) return t("check.no_fault_found_but_some");
-  return t("check.everything_is_in_order_stop");
+  if (store.state?.armed) return t("check.armed");
+  if (wrong) return t("check.count_to_fix", { wrong, count });
+  if (open) return t("check.some_open");
+  return t("check.all_passed");
 }
 
 function row(one: Finding): HTMLElement {

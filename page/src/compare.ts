@@ -3,9 +3,9 @@
 import { by, fill, h } from "./dom";
 import { dateTime, fixed, metres, span, UNKNOWN } from "./format";
 import { distanceM } from "./geo";
+import { t, verbatim } from "./i18n";
 import { isPlaced, store, stored, type Stored } from "./store";
 import type { PositionRecord } from "./types";
-import { t, verbatim } from "./i18n";
 
 interface TagFacts {
   pulses: number;
@@ -17,7 +17,7 @@ interface TagFacts {
 /** Load both and show them; the first is the one that the map shows in full. */
 export async function compare(first: string, second: string, go: (name: string) => void): Promise<void> {
   const holder = by("compare");
-  fill(holder, h("p", { class: "note" }, t("compare.reading_both_flights")));
+  fill(holder, h("p", { class: "note" }, t("compare.reading")));
   const [one, two] = await Promise.all([stored(first), stored(second)]);
   const show = async () => {
     await store.open(first);
@@ -40,20 +40,20 @@ export async function compare(first: string, second: string, go: (name: string) 
       { scope: "colgroup", colspan: "4" },
       verbatim(`${dateTime(flight.summary.start_time_ns)}, ${span((flight.summary.end_time_ns - flight.summary.start_time_ns) / 1e9)}`),
     );
-  const columns = [t("common.pulses"), t("compare.median_snr"), t("compare.best_snr"), t("compare.within_95")];
+  const columns = [t("common.pulses"), t("compare.median_snr"), t("compare.best_snr"), t("compare.radius")];
   fill(
     holder,
     h(
       "div",
       { class: "toolbar" },
-      h("h2", {}, t("compare.compared")),
-      h("button", { id: "compare-map", class: "primary", onclick: () => void show() }, t("compare.both_on_the_map")),
+      h("h2", {}, t("compare.title")),
+      h("button", { id: "compare-map", class: "primary", onclick: () => void show() }, t("compare.show_both")),
       h("button", { onclick: () => fill(holder) }, t("common.close")),
     ),
     h(
       "table",
       { class: "compared" },
-      h("thead", {}, h("tr", {}, h("td", {}), title(one), title(two), h("td", {})), h("tr", {}, ...[t("common.tag"), ...columns, ...columns, t("compare.positions_apart")].map((text) => h("th", { scope: "col" }, text)))),
+      h("thead", {}, h("tr", {}, h("td", {}), title(one), title(two), h("td", {})), h("tr", {}, ...[t("common.tag"), ...columns, ...columns, t("compare.distance")].map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...lines),
     ),
   );

@@ -2,18 +2,18 @@
 
 import { get } from "./api";
 import { by, fill, h } from "./dom";
-import type { Door } from "./types";
 import { t, verbatim, type Words } from "./i18n";
+import type { Door } from "./types";
 
-const TITLES: Record<string, Words> = { page: t("common.this_page"), "access point": t("doors.wi_fi_of_this_computer") };
+const TITLES: Record<string, Words> = { page: t("common.this_page"), "access point": t("doors.wi_fi") };
 
 export function doorsSection(): HTMLElement {
   void get<Door[]>("/doors").then(draw, () => undefined);
   return h(
     "section",
     { class: "block wide", "aria-labelledby": "h-doors" },
-    h("h2", { id: "h-doors" }, t("doors.on_a_phone")),
-    h("div", { id: "doors", class: "doors" }, h("p", { class: "note" }, t("doors.this_page_is_served_to"))),
+    h("h2", { id: "h-doors" }, t("doors.title")),
+    h("div", { id: "doors", class: "doors" }, h("p", { class: "note" }, t("doors.local_only"))),
   );
 }
 

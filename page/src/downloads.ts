@@ -3,10 +3,10 @@
 import { reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { fixed } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { Download } from "./types";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 interface Remote {
   flight_id: string;
@@ -26,9 +26,9 @@ export function downloadSection(changed: () => void): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "drone-title" }, t("downloads.on_the_drone")),
+      h("h2", { id: "drone-title" }, t("downloads.title")),
       h("button", { id: "drone-list", onclick: () => void list() }, t("downloads.list_flights")),
-      h("label", { class: "check" }, h("input", { type: "checkbox", id: "drone-samples" }), t("downloads.with_recorded_samples_large")),
+      h("label", { class: "check" }, h("input", { type: "checkbox", id: "drone-samples" }), t("downloads.with_samples")),
     ),
     h(
       "div",
@@ -43,12 +43,12 @@ export function downloadSection(changed: () => void): HTMLElement {
 
 async function list(): Promise<void> {
   const holder = by("drone-flights");
-  fill(holder, h("p", { class: "note" }, t("common.requesting_the_list")));
+  fill(holder, h("p", { class: "note" }, t("common.requesting_list")));
   try {
     const found = await send<Remote[]>("POST", "/drone/flights", {});
     fill(
       holder,
-      found.length ? null : h("p", { class: "empty" }, t("downloads.no_flight_on_the_drone")),
+      found.length ? null : h("p", { class: "empty" }, t("downloads.no_flight")),
       ...found.map((one) =>
         h(
           "div",

@@ -2,13 +2,13 @@
 
 import { ApiError, reasonOf, send } from "./api";
 import { by, describe, fill, h, say } from "./dom";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 const UPKEEP = ["radio_status", "save_logs", "clean_logs"];
 /** Asked a second time, because it cannot be undone. */
-const FINAL: Record<string, Words> = { clean_logs: t("drone.remove_flights_from_the_drone") };
+const FINAL: Record<string, Words> = { clean_logs: t("drone.remove_really") };
 const CONFIRM_MS = 5000;
 /** What our drone says to the first step; the original's removes at once. */
 const FIRST_STEP = /send it again after (\d+) s to delete (\d+) flights: (.+)$/;
@@ -24,7 +24,7 @@ export function droneSection(): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "h-drone" }, t("drone.the_drone")),
+      h("h2", { id: "h-drone" }, t("drone.title")),
       ...buttons,
       h("button", { id: "parameters-read", onclick: () => void read() }, t("drone.parameters")),
       h("span", { id: "drone-note", class: "note", role: "status" }),
@@ -48,7 +48,7 @@ async function press(name: string): Promise<void> {
   const button = by(`act-${name}`);
   const action = store.state?.actions[name];
   if (!action?.enabled) {
-    say(by("drone-note"), action?.reason ? fromServer(action.reason) : t("common.not_possible_now"));
+    say(by("drone-note"), action?.reason ? fromServer(action.reason) : t("common.not_now"));
     return;
   }
   if (FINAL[name] && !button.dataset.asking) {
@@ -101,12 +101,12 @@ async function ask(name: string, body: unknown): Promise<string> {
 
 async function read(): Promise<void> {
   const note = by("drone-note");
-  say(note, t("common.requesting_the_list"));
+  say(note, t("common.requesting_list"));
   try {
     const found = await send<Record<string, number>>("POST", "/parameters", {});
     const names = Object.keys(found).sort();
     fill(by("parameters"), ...names.map((name) => row(name, found[name]!)));
-    say(note, t("drone.parameters_2", { count: names.length }));
+    say(note, t("drone.parameter_count", { count: names.length }));
   } catch (error) {
     say(note, reasonOf(error));
   }
@@ -118,7 +118,7 @@ function row(name: string, value: number): HTMLElement {
   const set = async () => {
     const wanted = Number(input.value.replace(",", "."));
     if (input.value.trim() === "" || !Number.isFinite(wanted)) {
-      say(by("drone-note"), t("drone.must_be_a_number", { parameter: verbatim(name) }));
+      say(by("drone-note"), t("drone.not_a_number", { parameter: verbatim(name) }));
       input.setAttribute("aria-invalid", "true");
       return;
     }

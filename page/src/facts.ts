@@ -11,12 +11,12 @@ interface Field {
 }
 
 const FIELDS: Field[] = [
-  { key: "operator", label: t("facts.operator"), hint: t("facts.name_of_the_operator") },
-  { key: "aircraft", label: t("facts.aircraft"), hint: t("facts.kind_and_registration") },
-  { key: "permit", label: t("facts.permit"), hint: t("facts.number_of_the_permission_to") },
-  { key: "species", label: t("facts.species"), hint: t("facts.of_the_tagged_animals") },
-  { key: "time_zone", label: t("facts.time_zone"), hint: t("facts.reports_show_local_time_as") },
-  { key: "altitude_datum", label: t("facts.altitudes_refer_to"), hint: t("facts.what_heights_above_the_sea") },
+  { key: "operator", label: t("facts.operator"), hint: t("facts.operator_hint") },
+  { key: "aircraft", label: t("facts.aircraft"), hint: t("facts.aircraft_hint") },
+  { key: "permit", label: t("facts.permit"), hint: t("facts.permit_hint") },
+  { key: "species", label: t("facts.species"), hint: t("facts.species_hint") },
+  { key: "time_zone", label: t("facts.time_zone"), hint: t("facts.time_zone_hint") },
+  { key: "altitude_datum", label: t("facts.altitude_datum"), hint: t("facts.altitude_datum_hint") },
 ];
 
 export function factsSection(): HTMLElement {
@@ -24,7 +24,7 @@ export function factsSection(): HTMLElement {
   return h(
     "section",
     { class: "block wide", "aria-labelledby": "h-facts" },
-    h("h2", { id: "h-facts" }, t("facts.in_reports")),
+    h("h2", { id: "h-facts" }, t("facts.title")),
     h(
       "form",
       { class: "facts", onsubmit: (event: Event) => event.preventDefault() },
@@ -39,7 +39,7 @@ export function factsSection(): HTMLElement {
       ),
       h("datalist", { id: "time-zones" }, ...Intl.supportedValuesOf("timeZone").map((zone) => h("option", { value: zone }))),
       h("p", { id: "fact-fault", class: "fault-line", role: "alert" }),
-      h("p", { class: "note" }, t("facts.saved_in_report_toml_next")),
+      h("p", { class: "note" }, t("facts.where_saved")),
     ),
   );
 }

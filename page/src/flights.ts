@@ -6,12 +6,12 @@ import { compare } from "./compare";
 import { by, describe, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
 import { dateTime, span } from "./format";
+import { t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { pager } from "./pager";
 import { seasonSection } from "./season";
 import { store } from "./store";
 import type { Choices, FlightSummary } from "./types";
-import { t, verbatim, type Words } from "./i18n";
 
 /** Rows of a table at once: a page of thousands would take seconds to draw. */
 const ROWS = 25;
@@ -39,7 +39,7 @@ export function buildFlights(go: (name: string) => void): void {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", {}, t("flights.flights_on_this_computer")),
+      h("h2", {}, t("flights.title")),
       h("button", { id: "flights-refresh", onclick: () => void all() }, t("flights.refresh")),
       h("button", { id: "flights-compare", "aria-disabled": "true", onclick: () => void compareTicked() }, t("flights.compare_two")),
     ),
@@ -117,7 +117,7 @@ async function refresh(): Promise<void> {
     void refresh();
   });
   if (!found.total) {
-    instead(h("p", { class: "empty" }, any ? t("flights.no_flight_yet_the_first") : t("flights.no_such_flight_on_this")));
+    instead(h("p", { class: "empty" }, any ? t("flights.no_flight_yet") : t("flights.no_such_flight")));
     return;
   }
   draw(found.flights);
@@ -138,7 +138,7 @@ function draw(flights: FlightSummary[]): void {
     return h(
       "tr",
       { "data-flight": flight.flight_id },
-      h("td", {}, h("label", { class: "touch" }, h("input", { type: "checkbox", class: "tick", "aria-label": t("flights.compare_this_flight"), checked: ticked.includes(flight.flight_id), onchange: () => tick(flight.flight_id) }))),
+      h("td", {}, h("label", { class: "touch" }, h("input", { type: "checkbox", class: "tick", "aria-label": t("flights.compare_this"), checked: ticked.includes(flight.flight_id), onchange: () => tick(flight.flight_id) }))),
       h("td", {}, dateTime(flight.start_time_ns), live ? h("span", { class: "chip live" }, t("flights.now")) : null),
       h("td", { class: "number" }, span((flight.end_time_ns - flight.start_time_ns) / 1e9)),
       h("td", { class: "number" }, verbatim(flight.pulses.toLocaleString("en"))),
@@ -168,8 +168,8 @@ function draw(flights: FlightSummary[]): void {
 }
 
 function whereFrom({ source, vehicle }: FlightSummary): Words {
-  if (!vehicle) return t(source === "ground" ? "flights.received_here" : "flights.from_the_drone");
-  return t(source === "ground" ? "flights.received_here_of" : "flights.from_the_drone_of", { vehicle: verbatim(vehicle) });
+  if (!vehicle) return t(source === "ground" ? "flights.received_here" : "flights.from_drone");
+  return t(source === "ground" ? "flights.received_here_of" : "flights.from_drone_of", { vehicle: verbatim(vehicle) });
 }
 
 /** A starred flight is never removed from the computer that it is on. */
@@ -178,7 +178,7 @@ function starButton(flight: FlightSummary): HTMLElement {
   const draw = () => {
     say(button, verbatim(flight.starred ? "★" : "☆"));
     button.setAttribute("aria-pressed", String(flight.starred));
-    const words = flight.starred ? t("flights.starred_never_removed_press_to") : t("flights.star_never_remove_this_flight");
+    const words = flight.starred ? t("flights.starred") : t("flights.star");
     describe(button, "aria-label", words);
     describe(button, "title", words);
   };
@@ -218,7 +218,7 @@ function tick(id: string): void {
 
 async function compareTicked(): Promise<void> {
   if (ticked.length !== 2) {
-    toast(t("flights.tick_two_flights_first"), 5);
+    toast(t("flights.tick_two"), 5);
     return;
   }
   const [first, second] = [...ticked].sort().reverse() as [string, string];

@@ -76,7 +76,7 @@ export function buildFly(go: (name: string) => void): void {
     h("div", { id: "progress", hidden: true }, h("progress", { id: "progress-bar" }), h("span", { id: "progress-text" })),
     h(
       "div",
-      { class: "segments", role: "group", "aria-label": t("fly.panel_next_to_the_map") },
+      { class: "segments", role: "group", "aria-label": t("fly.panel") },
       h("button", { id: "show-tags", "aria-pressed": "true", onclick: () => side("tags") }, t("common.tags")),
       h("button", { id: "show-move", "aria-pressed": "false", onclick: () => side("move") }, t("fly.move")),
       h("button", { id: "show-after", "aria-pressed": "false", hidden: true, onclick: () => side("after") }, t("fly.after")),
@@ -142,10 +142,10 @@ export async function act(name: string): Promise<void> {
   if (!button || !action) return;
   if (!(await mayCommand(name, () => openView("setup")))) return;
   if (!store.state?.actions[name]?.enabled && !(name === "send_tags" && action.reason?.startsWith("No tags"))) {
-    toast(action.reason ? fromServer(action.reason) : t("common.not_possible_now"), 5);
+    toast(action.reason ? fromServer(action.reason) : t("common.not_now"), 5);
     return;
   }
-  const body = name === "mark" ? { text: prompt(t("common.remark_optional")) ?? "" } : {};
+  const body = name === "mark" ? { text: prompt(t("common.remark")) ?? "" } : {};
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     toast(t("fly.answered", { action: fromServer(action.label), answer: fromServer(answer.message) }), 6);
@@ -198,11 +198,11 @@ function nextStep(): string | null {
 function hint(): Words | "" {
   const actions = store.state?.actions;
   if (!actions) return "";
-  if (store.review) return t("fly.a_past_flight_is_shown");
-  if (store.state?.drone.state === "detecting") return t("fly.detecting_turn_slowly_on_the");
-  if (store.looksOn()) return t("common.another_page_has_command_take");
+  if (store.review) return t("fly.past_flight");
+  if (store.state?.drone.state === "detecting") return t("fly.detecting");
+  if (store.looksOn()) return t("common.another_page_commands");
   const why = actions.start?.reason ?? actions.send_tags?.reason;
-  return why ? fromServer(why) : t("fly.ready_to_start");
+  return why ? fromServer(why) : t("fly.ready");
 }
 
 function showReason(name: string): void {
@@ -228,7 +228,7 @@ function buildCards(): void {
     cards.clear();
     for (const id of ids) cards.set(id, makeCard(id));
     if (ids.size) fill(by("cards"), ...[...cards.values()].map((card) => card.root));
-    else fill(by("cards"), h("p", { class: "empty" }, t("fly.no_tags_yet_type_them")));
+    else fill(by("cards"), h("p", { class: "empty" }, t("fly.no_tags_yet")));
   }
   for (const [id, card] of cards) {
     const name = card.root.querySelector(".tag-name")!;
@@ -238,7 +238,7 @@ function buildCards(): void {
     const hidden = store.hidden.has(id);
     card.root.classList.toggle("is-hidden", hidden);
     say(card.eye, hidden ? t("fly.show") : t("fly.hide"));
-    describe(card.eye, "aria-label", hidden ? t("fly.show_tag_on_the_map", { id }) : t("fly.hide_tag_on_the_map", { id }));
+    describe(card.eye, "aria-label", hidden ? t("fly.show_tag", { id }) : t("fly.hide_tag", { id }));
     (card.root.querySelector(".tag-dot") as HTMLElement).style.background = tagColour(store.tagOrder(id));
   }
 }
@@ -318,12 +318,12 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
   const ghost = store.pulses.get("ghost")[one.last]!;
   const id = store.pulses.get("tag")[one.last]!;
   return listed(
-    Number.isFinite(ghost) ? t("fly.image_of", { ghost }) : Number.isFinite(also) ? t("fly.or", { id, also }) : null,
+    Number.isFinite(ghost) ? t("fly.image_of", { ghost }) : Number.isFinite(also) ? t("fly.either_tag", { id, also }) : null,
     store.review ? null : ago(age),
     t("fly.per_minute", { pulses: Math.round(one.minute / minutes) }),
     fixed(frequency, 4, "MHz"),
     !!row?.second_interval_ms && (interval ? t("fly.rate_of", { rate, interval }) : t("fly.rate", { rate })),
-    row?.gaps_ms ? t("fly.bursts", { bursts: one.all }) : t("common.pulses_2", { pulses: one.all }),
+    row?.gaps_ms ? t("fly.bursts", { bursts: one.all }) : t("common.pulse_count", { pulses: one.all }),
     !!row?.gaps_ms && codeOf(id, row),
   );
 }
@@ -341,9 +341,9 @@ function usable(id: number): Words[] {
 function codeOf(id: number, row: TagRow): Words {
   const starts = store.review ? undefined : store.bursts.get(id)?.burst_starts_ns;
   const inList = String(row.gaps_ms).trim().split(/\s+/);
-  if (!starts || starts.length !== inList.length + 1) return t("fly.code_ms", { gaps: verbatim(inList.join(" ")) });
+  if (!starts || starts.length !== inList.length + 1) return t("fly.code", { gaps: verbatim(inList.join(" ")) });
   const gaps = starts.slice(1).map((start, place) => ((start - starts[place]!) / 1e6).toFixed(1));
-  return t("fly.gaps_ms", { gaps: verbatim(gaps.join(" ")) });
+  return t("fly.gaps", { gaps: verbatim(gaps.join(" ")) });
 }
 
 function nominal(row: TagRow | undefined): Words {
@@ -351,7 +351,7 @@ function nominal(row: TagRow | undefined): Words {
   return listed(
     t("fly.frequency", { frequency: verbatim(row.frequency_mhz!) }),
     t("fly.every", { interval: verbatim(row.interval_ms!) }),
-    !!row.gaps_ms && t("fly.code_ms", { gaps: verbatim(row.gaps_ms) }),
+    !!row.gaps_ms && t("fly.code", { gaps: verbatim(row.gaps_ms) }),
   );
 }
 

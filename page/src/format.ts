@@ -28,9 +28,9 @@ export function span(seconds: number): Words {
 }
 
 export function ago(seconds: number): Words {
-  if (seconds < 60) return t("format.s_ago", { seconds: Math.max(0, Math.round(seconds)) });
-  if (seconds < 5400) return t("format.min_ago", { minutes: Math.round(seconds / 60) });
-  return t("format.h_ago", { hours: Math.round(seconds / 3600) });
+  if (seconds < 60) return t("format.seconds_ago", { seconds: Math.max(0, Math.round(seconds)) });
+  if (seconds < 5400) return t("format.minutes_ago", { minutes: Math.round(seconds / 60) });
+  return t("format.hours_ago", { hours: Math.round(seconds / 3600) });
 }
 
 export function metres(value: number | null): Words {

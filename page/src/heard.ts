@@ -3,15 +3,15 @@
 import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { fixed, percent } from "./format";
-import type { HeardMap, MapAnswer } from "./types";
 import { fromServer, t, verbatim, type Words } from "./i18n";
+import type { HeardMap, MapAnswer } from "./types";
 
 const AGAIN_MS = 700;
 
 /** How far a map is, and why there is none; the ids begin with its name. */
 export function heardElements(name: string): HTMLElement[] {
   return [
-    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": t("heard.progress_of_the_map") }),
+    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": t("heard.progress") }),
     h("p", { id: `${name}-fault`, class: "fault-line", role: "alert" }),
   ];
 }
@@ -56,13 +56,13 @@ export function tellHeard(name: string, map: HeardMap, notes: Words[]): void {
   const shareOf = (value: number | null) => (value === null ? t("heard.unknown") : percent(value));
   fill(
     by(`${name}-status`),
-    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": t("heard.from_dark_blue_not_detected") }),
+    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": t("heard.ramp") }),
     h(
       "p",
       {},
-      h("span", {}, t("heard.heard_with_on_average_with", { mean: shareOf(map.mean_probability), share: shareOf(map.share_above_90), area: fixed(map.known_km2, 1) })),
+      h("span", {}, t("heard.summary", { mean: shareOf(map.mean_probability), share: shareOf(map.share_above_90), area: fixed(map.known_km2, 1) })),
       verbatim(" "),
-      h("span", {}, t("heard.blue_not_detected_yellow_always")),
+      h("span", {}, t("heard.colours")),
     ),
     ...[...notes, ...map.limitations.map(fromServer)].map((words) => h("p", { class: "note" }, words)),
   );

@@ -4,6 +4,7 @@ import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
 import { by, fill, h } from "./dom";
 import { get, reasonOf, upload } from "./api";
 import { fixed } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { toggleMe } from "./tap";
 import type { FlightMap } from "./view";
@@ -11,7 +12,6 @@ import type { Layers } from "./maplayers";
 import { store } from "./store";
 import { type Heights, heightBands } from "./surface";
 import type { Choices } from "./types";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 let view: FlightMap;
 
@@ -20,11 +20,11 @@ export function legend(): HTMLElement {
   ramp.style.background = `linear-gradient(to right, ${gradient().join(",")})`;
   return h(
     "div",
-    { class: "legend", role: "img", "aria-label": t("layers.pulse_strength_from_to_decibel", { low: SNR_LOW, high: SNR_HIGH }) },
+    { class: "legend", role: "img", "aria-label": t("layers.strength_ramp", { low: SNR_LOW, high: SNR_HIGH }) },
     h("span", {}, SNR_LOW),
     ramp,
     h("span", {}, fixed(SNR_HIGH, 0, "dB")),
-    h("span", { id: "legend-on-board", class: "legend-on-board", hidden: true }, t("layers.bearing_from_the_drone")),
+    h("span", { id: "legend-on-board", class: "legend-on-board", hidden: true }, t("layers.drones_bearing")),
   );
 }
 
@@ -39,8 +39,8 @@ export function layerBox(made: FlightMap): HTMLElement {
     ["track", t("layers.track")],
     ["pulses", t("common.pulses")],
     ["rose", t("layers.pulse_rose")],
-    ["bearings", t("layers.bearings_90")],
-    ["regions", t("layers.position_50_95")],
+    ["bearings", t("layers.bearings")],
+    ["regions", t("layers.position")],
     ["strength", t("layers.strongest_signal")],
     ["hindsight", t("layers.whole_flight")],
   ];
@@ -56,10 +56,10 @@ export function layerBox(made: FlightMap): HTMLElement {
   return h(
     "details",
     { class: "layers", ontoggle: offerHeights },
-    h("summary", {}, t("layers.layers")),
+    h("summary", {}, t("layers.title")),
     ...boxes,
     h("label", { id: "heights-label", class: "basemap", hidden: true }, t("layers.heights"), h("select", { id: "heights", onchange: chooseHeights })),
-    h("label", { class: "basemap" }, t("layers.map"), h("select", { id: "basemap" }, h("option", { value: "" }, t("layers.none_grid")))),
+    h("label", { class: "basemap" }, t("layers.map"), h("select", { id: "basemap" }, h("option", { value: "" }, t("layers.no_map")))),
     h(
       "div",
       { class: "layer-actions" },
@@ -68,8 +68,8 @@ export function layerBox(made: FlightMap): HTMLElement {
       h("button", { id: "me", onclick: (event: Event) => toggleMe(event.currentTarget as HTMLElement), "aria-pressed": "false" }, t("layers.my_position")),
     ),
     h("div", { class: "layer-actions" }, mapImport()),
-    h("p", { class: "note map-note" }, t("layers.a_map_is_a_mbtiles")),
-    h("label", { class: "check" }, plainBox(), t("layers.plain_map_weak_tablets")),
+    h("p", { class: "note map-note" }, t("layers.map_note")),
+    h("label", { class: "check" }, plainBox(), t("layers.plain_map")),
   );
 }
 
@@ -112,7 +112,7 @@ export function offerMaps(choices: Choices): void {
   const select = by("basemap") as HTMLSelectElement;
   fill(
     select,
-    h("option", { value: "" }, t("layers.none_grid")),
+    h("option", { value: "" }, t("layers.no_map")),
     ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null, translate: "no" }, file.fault ? t("layers.map_fault", { map: verbatim(file.name), fault: fromServer(file.fault) }) : verbatim(file.name))),
   );
   const choose = (name: string) => {
@@ -129,19 +129,19 @@ export function offerMaps(choices: Choices): void {
 
 function mapImport(): HTMLElement {
   const input = h("input", { id: "map-import", type: "file", accept: ".mbtiles,.pmtiles", onchange: () => void bring(input) });
-  return h("label", { class: "file" }, t("layers.add_a_map"), input);
+  return h("label", { class: "file" }, t("layers.add_map"), input);
 }
 
 async function bring(input: HTMLInputElement): Promise<void> {
   const file = input.files?.[0];
   input.value = "";
   if (!file) return;
-  toast(t("layers.being_copied", { map: verbatim(file.name) }), 6);
+  toast(t("layers.map_copying", { map: verbatim(file.name) }), 6);
   try {
     await upload(`/maps/${encodeURIComponent(file.name)}`, file);
     remember("map", file.name);
     offerMaps(await get<Choices>("/choices"));
-    toast(t("layers.here", { map: verbatim(file.name) }), 6);
+    toast(t("layers.map_here", { map: verbatim(file.name) }), 6);
   } catch (error) {
     toast(reasonOf(error), 4);
   }

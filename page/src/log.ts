@@ -2,9 +2,9 @@
 
 import { by, fill, h, say } from "./dom";
 import { clock, dateTime } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 const SEVERITIES = [
   t("log.emergency"),
@@ -23,14 +23,14 @@ let shown = false;
 let seen = 0;
 
 export function buildLog(): void {
-  const text = h("input", { id: "log-text", type: "search", placeholder: t("log.text"), "aria-label": t("log.text_to_search_for"), oninput: draw });
-  const severity = h("select", { id: "log-severity", "aria-label": t("log.at_least_as_severe_as"), onchange: draw },
+  const text = h("input", { id: "log-text", type: "search", placeholder: t("log.text"), "aria-label": t("log.text_hint"), oninput: draw });
+  const severity = h("select", { id: "log-severity", "aria-label": t("log.severity"), onchange: draw },
     ...([["7", t("log.everything")], ["6", t("log.info_at_least")], ["5", t("log.notices")], ["4", t("log.warnings")], ["3", t("log.errors")]] as const).map(
       ([value, label]) => h("option", { value, selected: value === "6" }, label),
     ),
   );
-  const source = h("select", { id: "log-source", "aria-label": t("log.from"), onchange: draw },
-    ...([["", t("log.from_all")], ["drone", t("log.the_drone")], ["acknowledgement", t("log.acknowledgements")], ["ground", t("log.this_station")]] as const).map(
+  const source = h("select", { id: "log-source", "aria-label": t("log.source"), onchange: draw },
+    ...([["", t("log.from_all")], ["drone", t("log.from_drone")], ["acknowledgement", t("log.acknowledgements")], ["ground", t("log.from_station")]] as const).map(
       ([value, label]) => h("option", { value }, label),
     ),
   );
@@ -86,7 +86,7 @@ function draw(): void {
         h("span", { class: "log-said", translate: "no" }, verbatim(line.text)),
       ),
     ),
-    latest.length ? null : h("p", { class: "empty" }, t("log.no_matching_lines")),
+    latest.length ? null : h("p", { class: "empty" }, t("log.no_lines")),
   );
-  say(by("log-count"), t("log.of_lines_newest_first_times", { found: found.length, lines: lines.length }));
+  say(by("log-count"), t("log.count", { found: found.length, lines: lines.length }));
 }

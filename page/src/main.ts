@@ -4,11 +4,11 @@ import "maplibre-gl/dist/maplibre-gl.css";
 import { buildCheck, showCheck } from "./check";
 import { act, buildFly, mapView } from "./fly";
 import { send } from "./api";
+import { fromServer, language, listed, missing, t, verbatim, type Words } from "./i18n";
 import { drawVehicles, STATES, unserved } from "./vehicles";
 import { append, by, fill, h, say } from "./dom";
 import { all, buildFlights } from "./flights";
 import { dateTime, fixed, percent, span } from "./format";
-import { fromServer, language, listed, missing, t, verbatim, type Words } from "./i18n";
 import { motionBar } from "./motion";
 import { buildLog, showLog } from "./log";
 import { buildPlots, recolourPlots, showPlots } from "./plots";
@@ -58,12 +58,12 @@ function buildHeader(): void {
       "div",
       { class: "chips", role: "group", "aria-label": t("main.state") },
       h("nav", { id: "vehicles", class: "vehicles", "aria-label": t("main.vehicles"), hidden: true }),
-      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, t("main.view_only_take_command")),
+      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, t("main.take_command")),
       h(
         "div",
         { class: "states" },
         h("span", { id: "chip-state", class: "chip" }),
-        h("span", { id: "chip-computer", class: "chip", title: t("main.processor_load_of_the_drones") }),
+        h("span", { id: "chip-computer", class: "chip", title: t("main.computer_hint") }),
         h("span", { id: "chip-link", class: "chip" }),
         h("span", { id: "chip-drone", class: "chip" }),
         h("span", { id: "chip-flight", class: "chip" }),
@@ -72,8 +72,8 @@ function buildHeader(): void {
     h(
       "div",
       { class: "tools" },
-      h("button", { id: "voice", class: "tool", "aria-pressed": "false", title: t("main.speak_warnings_v"), onclick: toggleVoice }, t("main.voice")),
-      h("button", { id: "theme", class: "tool", title: t("main.dark_or_light_d"), onclick: toggleTheme }, document.documentElement.dataset.theme === "dark" ? t("main.light") : t("main.dark")),
+      h("button", { id: "voice", class: "tool", "aria-pressed": "false", title: t("main.voice_hint"), onclick: toggleVoice }, t("main.voice")),
+      h("button", { id: "theme", class: "tool", title: t("main.theme_hint"), onclick: toggleTheme }, document.documentElement.dataset.theme === "dark" ? t("main.light") : t("main.dark")),
     ),
   ]);
 }
@@ -99,11 +99,11 @@ function drawHeader(): void {
   const silent = store.online && !store.review && droneSilent(state);
   const others = store.online && !!state && (state.drone.foreign || (!state.drone.present && unserved().length > 0));
   offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent && !others;
-  if (!store.online) say(offline, t("main.the_ground_station_does_not"));
+  if (!store.online) say(offline, t("main.station_silent"));
   else if (state?.flight.fault) say(offline, fromServer(state.flight.fault));
   else if (state?.connection.error) say(offline, fromServer(state.connection.error));
   else if (others && state) drawOthers(offline, state);
-  else if (silent) say(offline, t("main.no_contact_with_the_drone"));
+  else if (silent) say(offline, t("main.no_contact"));
   else if (store.review) say(offline, pastFlight(store.review, store.other));
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
@@ -129,7 +129,7 @@ function drawHeader(): void {
   chip("drone", place, pose ? "good" : "warn");
   const flight = state.flight;
   const length = flight.ended ? t("main.ended") : span((store.nowNs() - flight.start_time_ns) / 1e9);
-  const pulses = t("common.pulses_2", { pulses: flight.pulses });
+  const pulses = t("common.pulse_count", { pulses: flight.pulses });
   chip("flight", flight.flight_id ? listed(length, pulses) : t("main.no_flight"), flight.flight_id && !flight.ended ? "live" : "");
   const warm = state.drone.cpu_temperature_c;
   by("chip-computer").hidden = warm === null;
@@ -147,8 +147,8 @@ function drawOthers(banner: HTMLElement, state: State): void {
   const ours = state.drone.system_id ?? 0;
   const choices = state.drone.foreign ? [ours] : unserved();
   const text = state.drone.foreign
-    ? t("main.another_autopilot_answers_as_vehicle", { number: ours })
-    : t("main.no_contact_with_vehicle_this", { number: ours });
+    ? t("main.foreign_autopilot", { number: ours })
+    : t("main.no_contact_with_vehicle", { number: ours });
   const key = `${text}${choices.join()}`;
   if (banner.dataset.key === key && banner.querySelector("button")) return;
   banner.dataset.key = key;
@@ -159,7 +159,7 @@ function drawOthers(banner: HTMLElement, state: State): void {
       h(
         "button",
         { class: "take-vehicle", "data-vehicle": number, onclick: () => void send("POST", "/vehicle", { system_id: number }) },
-        state.drone.foreign ? t("main.use_this_one") : t("main.change_to_vehicle", { number }),
+        state.drone.foreign ? t("main.use_this_vehicle") : t("main.change_to_vehicle", { number }),
       ),
     ),
   );
@@ -227,7 +227,7 @@ try {
 document.documentElement.dataset.theme = theme;
 document.documentElement.lang = language;
 document.title = t("main.title");
-say(document.querySelector(".skip")!, t("main.skip_to_the_view"));
+say(document.querySelector(".skip")!, t("main.skip"));
 buildHeader();
 by("banner").after(motionBar());
 buildFly(show);

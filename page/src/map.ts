@@ -1,6 +1,5 @@
 /** The map: whatever file the user has below it, or none, and everything of the flight on it. */
 
-import { t } from "./i18n";
 import {
   AttributionControl,
   GeoJSONSource,
@@ -32,6 +31,7 @@ import {
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
+import { t } from "./i18n";
 import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, rgb, roseElement } from "./markers";
 import { AT_FIRST, type Layers, WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
@@ -97,8 +97,8 @@ export class MapView implements FlightMap {
       zoom: 1.2,
       attributionControl: false,
       locale: {
-        "NavigationControl.ZoomIn": t("flatmap.zoom_in"),
-        "NavigationControl.ZoomOut": t("flatmap.zoom_out"),
+        "NavigationControl.ZoomIn": t("map.zoom_in"),
+        "NavigationControl.ZoomOut": t("map.zoom_out"),
         "NavigationControl.ResetBearing": t("map.reset_bearing"),
       },
       dragRotate: true,
@@ -119,7 +119,7 @@ export class MapView implements FlightMap {
     });
     this.map.on("click", (event) => this.onTap({ at: [event.lngLat.lng, event.lngLat.lat], x: event.point.x, y: event.point.y }));
     const canvas = this.map.getCanvas();
-    canvas.setAttribute("aria-label", t("common.map_of_the_flight_enter"));
+    canvas.setAttribute("aria-label", t("common.map_label"));
     canvas.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
       const [at, size] = [this.map.getCenter(), canvas.getBoundingClientRect()];

@@ -2,9 +2,9 @@
 
 import { snrColour, tagColour } from "./colour";
 import { h, svg } from "./dom";
+import { t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import type { BearingRecord, PositionRecord } from "./types";
-import { t, verbatim, type Words } from "./i18n";
 
 const ROSE_PX = 116;
 const SILENCE_PX = 12;
@@ -49,7 +49,7 @@ export function roseElement(one: BearingRecord): HTMLElement {
     if (value === null) shapes.push(svg("path", { d: path, class: "rose-silence" }));
     else shapes.push(svg("path", { d: path, fill: snrColour(value), class: "rose-petal" }));
   });
-  const label = t("markers.pulse_rose_of_turn_bearing", { turn: one.turn + 1, bearing: Math.round(one.bearing_deg) });
+  const label = t("markers.rose", { turn: one.turn + 1, bearing: Math.round(one.bearing_deg) });
   const element = h("div", { class: "rose", role: "img", "aria-label": label });
   element.appendChild(
     svg("svg", { viewBox: `${-half} ${-half} ${ROSE_PX} ${ROSE_PX}`, width: ROSE_PX, height: ROSE_PX }, ...shapes),
@@ -81,7 +81,7 @@ export function meElement(): HTMLElement {
 
 /** In place of a rose, where the drone sent a bearing without its pulses: a square, with its ray's direction. */
 export function onBoardElement(one: BearingRecord): HTMLElement {
-  const label = t("markers.turn_bearing_degrees_estimated_on", { turn: one.turn + 1, bearing: Math.round(one.bearing_deg), pulses: one.pulses });
+  const label = t("markers.drones_bearing", { turn: one.turn + 1, bearing: Math.round(one.bearing_deg), pulses: one.pulses });
   const element = h("div", { class: "on-board", role: "img", "aria-label": label });
   const mark = svg(
     "svg",

@@ -8,12 +8,12 @@ import { beforeBox, openBefore, setPlan, type Plan } from "./before";
 import { by, fill, h, say, svg } from "./dom";
 import { fixed, metres } from "./format";
 import type { LonLat } from "./geo";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import { catchTaps } from "./tap";
 import type { Motion } from "./types";
 import type { FlightMap, MotionDrawing } from "./view";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 type Kind = "rotate" | "goto" | "survey" | "search" | "hold" | "return" | "takeoff";
 type Place = [number, number];
@@ -30,7 +30,7 @@ interface Area {
 
 const KINDS: [Kind, Words][] = [
   ["rotate", t("motion.turn_here")],
-  ["goto", t("motion.go_there")],
+  ["goto", t("motion.goto")],
   ["survey", t("motion.survey")],
   ["search", t("motion.search")],
   ["hold", t("motion.hold")],
@@ -38,14 +38,14 @@ const KINDS: [Kind, Words][] = [
   ["takeoff", t("motion.take_off")],
 ];
 const HOLD_MS = 1000;
-const UPLOAD = t("motion.as_the_vehicles_mission");
+const UPLOAD = t("motion.upload");
 /** A second tap within this replaces the mission that the vehicle holds. */
 const SURE_MS = 5000;
 const MOST_CORNERS = 20;
 /** A search keeps so far from where animals are; other motions only show it. */
 const KEEP_AWAY_M = 30;
 const STANDINGS: Record<Motion["standing"], Words> = {
-  out: t("motion.the_pilot_flies"),
+  out: t("motion.pilot_flies"),
   confirmed: t("motion.confirmed"),
   "in command": t("motion.uavrt_flies"),
 };
@@ -64,7 +64,7 @@ let asking = false;
 export function motionBar(): HTMLElement {
   return h(
     "div",
-    { id: "motion-bar", class: "motion-bar", hidden: true, role: "region", "aria-label": t("motion.motion") },
+    { id: "motion-bar", class: "motion-bar", hidden: true, role: "region", "aria-label": t("motion.title") },
     h("div", { id: "energy", class: "energy" }),
     h("div", { class: "motion-status" }, h("strong", { id: "motion-standing" }), h("span", { id: "motion-text", role: "status" })),
     h("button", { id: "take-back", class: "take-back", onclick: () => void takeBack() }, t("motion.take_back")),
@@ -82,7 +82,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
   const panel = h(
     "div",
     { id: "move", class: "move", hidden: true },
-    h("p", { id: "move-none", class: "note" }, t("motion.this_drone_does_not_offer")),
+    h("p", { id: "move-none", class: "note" }, t("motion.not_offered")),
     h(
       "div",
       { id: "move-form", class: "move-form" },
@@ -105,35 +105,35 @@ export function motionPanel(made: FlightMap): HTMLElement {
         h(
           "select",
           { id: "move-pattern", onchange: () => void replan() },
-          h("option", { value: "lines" }, t("motion.line_by_line")),
-          h("option", { value: "around" }, t("motion.around_the_area")),
-          h("option", { value: "points" }, t("motion.turns_at_places")),
+          h("option", { value: "lines" }, t("motion.pattern_lines")),
+          h("option", { value: "around" }, t("motion.pattern_around")),
+          h("option", { value: "points" }, t("motion.pattern_points")),
         ),
       ),
-      number("move-spacing", t("motion.spacing_m"), "60"),
-      number("move-seconds", t("motion.time_of_a_full_turn"), "60"),
+      number("move-spacing", t("motion.spacing"), "60"),
+      number("move-seconds", t("motion.turn_time"), "60"),
       h(
         "label",
         { id: "move-left-row" },
-        t("motion.to_the"),
+        t("motion.direction"),
         h("select", { id: "move-left" }, h("option", { value: "right" }, t("motion.right")), h("option", { value: "left" }, t("motion.left"))),
       ),
-      number("move-radius", t("motion.radius_around_the_drone_m"), "300"),
-      number("move-minutes", t("motion.time_limit_minutes"), "15"),
-      number("move-wish", t("motion.target_accuracy_m"), "25"),
-      number("move-height", t("motion.height_m"), "", t("motion.unchanged")),
+      number("move-radius", t("motion.radius"), "300"),
+      number("move-minutes", t("motion.time_limit"), "15"),
+      number("move-wish", t("motion.target_accuracy"), "25"),
+      number("move-height", t("motion.height"), "", t("motion.unchanged")),
       ),
       beforeBox(view),
-      h("button", { id: "move-ask", class: "primary", onclick: () => void ask() }, t("motion.ask_the_drone")),
+      h("button", { id: "move-ask", class: "primary", onclick: () => void ask() }, t("motion.ask")),
       h("button", { id: "move-upload", onclick: () => void upload() }, UPLOAD),
     ),
     h(
       "div",
-      { id: "offer", class: "offer", hidden: true, role: "group", "aria-label": t("motion.the_drones_offer") },
-      h("strong", {}, t("motion.the_drone_will")),
+      { id: "offer", class: "offer", hidden: true, role: "group", "aria-label": t("motion.offer_label") },
+      h("strong", {}, t("motion.drone_will")),
       h("p", { id: "offer-text" }),
-      h("p", { class: "note" }, t("motion.to_take_over_choose_pause")),
-      h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), t("motion.no_rc_link_i_understand")),
+      h("p", { class: "note" }, t("motion.how_to_take_over")),
+      h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), t("motion.no_rc_link")),
       holdButton(),
       h("button", { id: "offer-leave", onclick: () => leave() }, t("motion.cancel")),
     ),
@@ -182,13 +182,13 @@ function drawShape(): void {
   // What is kept out of is so for every motion until the area is cleared.
   const facts = { corners: area.length, excluded: keepOut.length };
   const hints: Record<Kind, Words> = {
-    rotate: t("motion.a_full_turn_where_it"),
-    goto: goal ? t("motion.to", { latitude: fixed(goal[0], 6), longitude: fixed(goal[1], 6) }) : t("motion.tap_the_destination_on_the_map"),
-    survey: area.length < 3 ? t("motion.tap_corners_of_3_or", { corners: area.length }) : t(keepOut.length ? "motion.corners_excluded" : "motion.corners", facts),
-    search: area.length ? t(keepOut.length ? "motion.within_corners_excluded" : "motion.within_corners", facts) : t("motion.around_the_drone_or_tap"),
-    hold: t("motion.stay_where_it_is"),
-    return: t("motion.home_by_the_autopilots_own"),
-    takeoff: t("motion.straight_up_to_the_height"),
+    rotate: t("motion.hint_turn"),
+    goto: goal ? t("motion.goal", { latitude: fixed(goal[0], 6), longitude: fixed(goal[1], 6) }) : t("motion.hint_goto"),
+    survey: area.length < 3 ? t("motion.hint_survey", { corners: area.length }) : t(keepOut.length ? "motion.corners_excluded" : "motion.corners", facts),
+    search: area.length ? t(keepOut.length ? "motion.within_corners_excluded" : "motion.within_corners", facts) : t("motion.hint_search"),
+    hold: t("motion.hint_hold"),
+    return: t("motion.hint_return"),
+    takeoff: t("motion.hint_take_off"),
   };
   say(by("move-hint"), hints[kind]);
 }
@@ -203,7 +203,7 @@ function draw(): void {
   by("area-draw").setAttribute("aria-pressed", "true");
   by("area-circle").setAttribute("aria-pressed", "false");
   catchTaps((at) => {
-    if (area.length >= MOST_CORNERS) toast(t("motion.an_area_has_corners_at", { most: MOST_CORNERS }), 5);
+    if (area.length >= MOST_CORNERS) toast(t("motion.too_many_corners", { most: MOST_CORNERS }), 5);
     else setArea([...area, [at[1], at[0]]]);
   });
 }
@@ -212,7 +212,7 @@ function draw(): void {
 function drawCircle(): void {
   by("area-draw").setAttribute("aria-pressed", "false");
   by("area-circle").setAttribute("aria-pressed", "true");
-  toast(t("motion.tap_the_middle_then_a"), 6);
+  toast(t("motion.tap_circle"), 6);
   let middle: LonLat | null = null;
   catchTaps((at) => {
     if (middle === null) {
@@ -332,11 +332,11 @@ function planned(pattern: string): Plan | null {
 
 async function ask(): Promise<void> {
   if (store.looksOn()) {
-    say(by("move-fault"), t("common.another_page_has_command_take"));
+    say(by("move-fault"), t("common.another_page_commands"));
     return;
   }
   if (!ready()) {
-    say(by("move-fault"), kind === "goto" ? t("motion.tap_the_destination_on_the") : kind === "takeoff" ? t("motion.give_a_height") : t("motion.an_area_has_three_corners"));
+    say(by("move-fault"), kind === "goto" ? t("motion.goal_missing") : kind === "takeoff" ? t("motion.height_missing") : t("motion.too_few_corners"));
     return;
   }
   asking = true;
@@ -359,15 +359,15 @@ let sure: ReturnType<typeof setTimeout> | null = null;
 async function upload(): Promise<void> {
   const button = by("move-upload");
   if (store.looksOn()) {
-    say(by("move-fault"), t("common.another_page_has_command_take"));
+    say(by("move-fault"), t("common.another_page_commands"));
     return;
   }
   if (numberIn("move-height") === null || !ready()) {
-    say(by("move-fault"), t("motion.a_mission_needs_an_area"));
+    say(by("move-fault"), t("motion.mission_needs"));
     return;
   }
   if (sure === null) {
-    say(button, t("motion.replace_the_mission_in_the"));
+    say(button, t("motion.replace_mission"));
     sure = setTimeout(() => {
       sure = null;
       say(button, UPLOAD);
@@ -381,7 +381,7 @@ async function upload(): Promise<void> {
   button.classList.add("busy");
   try {
     const done = await send<{ items: number }>("POST", "/motion/upload", wish());
-    toast(t("motion.the_autopilot_holds_the_survey", { items: done.items }), 5);
+    toast(t("motion.uploaded", { items: done.items }), 5);
   } catch (error) {
     say(by("move-fault"), reasonOf(error));
   } finally {
@@ -416,9 +416,9 @@ async function takeBack(): Promise<void> {
   button.classList.add("busy");
   try {
     await send("POST", "/motion/stop", {});
-    toast(t("motion.taken_back_the_drone_stops"), 5);
+    toast(t("motion.taken_back"), 5);
   } catch (error) {
-    toast(t("motion.not_taken_back_use_the", { reason: reasonOf(error) }), 2);
+    toast(t("motion.not_taken_back", { reason: reasonOf(error) }), 2);
   } finally {
     button.classList.remove("busy");
   }
@@ -469,7 +469,7 @@ function drawMotion(): void {
   }
   const bar = by("motion-bar");
   bar.dataset.standing = motion.standing;
-  say(by("motion-standing"), motion.heard && store.online ? STANDINGS[motion.standing] : t("motion.no_contact_with_the_drone"));
+  say(by("motion-standing"), motion.heard && store.online ? STANDINGS[motion.standing] : t("motion.no_contact"));
   say(by("motion-text"), fromServer(motion.text));
   drawEnergy();
   const offer = motion.offer && motion.offer.page === PAGE && motion.offer.order_id !== left ? motion.offer : null;
@@ -477,8 +477,8 @@ function drawMotion(): void {
   by("move-form").hidden = offer !== null;
   const button = by("move-ask");
   button.setAttribute("aria-disabled", String(store.looksOn() || asking));
-  say(button, asking ? t("motion.waiting_for_the_answer") : store.looksOn() ? t("motion.another_page_has_command") : t("motion.ask_the_drone"));
-  if (offer) say(by("offer-text"), t("motion.holds_for_s", { offer: fromServer(offer.text), seconds: Math.max(0, Math.ceil(offer.left_s)) }));
+  say(button, asking ? t("motion.asking") : store.looksOn() ? t("motion.another_page_commands") : t("motion.ask"));
+  if (offer) say(by("offer-text"), t("motion.offer", { offer: fromServer(offer.text), seconds: Math.max(0, Math.ceil(offer.left_s)) }));
   drawOnMap();
 }
 
@@ -496,7 +496,7 @@ function drawEnergy(): void {
     box,
     svg(
       "svg",
-      { viewBox: "-22 -22 44 44", width: 44, height: 44, role: "img", "aria-label": percent === null ? t("motion.energy_left_unknown") : t("motion.energy_left_percent", { percent }) },
+      { viewBox: "-22 -22 44 44", width: 44, height: 44, role: "img", "aria-label": percent === null ? t("motion.energy_unknown") : t("motion.energy", { percent }) },
       svg("circle", { r: 18, class: "energy-rim" }),
       svg("circle", { r: 18, class: low ? "energy-left low" : "energy-left", "stroke-dasharray": `${part * round} ${round}`, transform: "rotate(-90)" }),
     ),

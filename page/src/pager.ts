@@ -14,7 +14,7 @@ export function pager(place: Element, total: number, after: number, rows: number
   fill(
     place,
     button("‹", t("pager.newer_flights"), Math.max(0, after - rows), after > 0),
-    t("pager.to_of", { first: after + 1, last: Math.min(total, after + rows), total }),
+    t("pager.rows", { first: after + 1, last: Math.min(total, after + rows), total }),
     button("›", t("pager.older_flights"), after + rows, after + rows < total),
   );
 }

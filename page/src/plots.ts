@@ -6,10 +6,10 @@ import { getOnceThere } from "./api";
 import { snrColour, tagColour } from "./colour";
 import { by, fill, h, say, svg } from "./dom";
 import { fixed } from "./format";
+import { fromServer, listed, t, type Words } from "./i18n";
 import { store } from "./store";
 import { showWaterfall, waterfallFigure } from "./waterfall";
 import type { Choices } from "./types";
-import { fromServer, listed, t, type Words } from "./i18n";
 
 const POLAR = 340;
 const LOWEST_DB = 0;
@@ -30,13 +30,13 @@ export function buildPlots(): void {
       h(
         "figure",
         { class: "plot polar" },
-        h("figcaption", {}, t("plots.snr_by_heading_with_the")),
+        h("figcaption", {}, t("plots.snr_by_heading_and_pattern")),
         h("div", { id: "polar" }),
         h("p", { id: "polar-note", class: "note" }),
       ),
-      figure("snr", t("plots.snr_over_time_db_times")),
-      figure("fold", t("plots.interval_since_the_previous_pulse")),
-      figure("frequency", t("plots.offset_from_the_tags_listed")),
+      figure("snr", t("plots.snr_over_time")),
+      figure("fold", t("plots.interval")),
+      figure("frequency", t("plots.frequency_offset")),
       waterfallFigure(),
     ),
   );
@@ -146,13 +146,13 @@ function drawPolar(): void {
     by("polar-note"),
     bearing
       ? listed(
-          t("plots.turn_bearing", { turn: bearing.turn + 1, bearing: fixed(bearing.bearing_deg, 0) }),
-          interval && t("plots.90_between_and", { low: fixed(interval[0], 0), high: fixed(interval[1], 0) }),
-          t("common.pulses_2", { pulses: bearing.pulses }),
-          bearing.from_drone && t("plots.estimated_on_the_drone"),
+          t("plots.bearing", { turn: bearing.turn + 1, bearing: fixed(bearing.bearing_deg, 0) }),
+          interval && t("plots.interval90", { low: fixed(interval[0], 0), high: fixed(interval[1], 0) }),
+          t("common.pulse_count", { pulses: bearing.pulses }),
+          bearing.from_drone && t("plots.on_the_drone"),
           ...bearing.remarks.map(fromServer),
         )
-      : t("plots.no_turn_in_place_yet"),
+      : t("plots.no_turn"),
   );
 }
 

@@ -1,8 +1,8 @@
 /** A past flight, moment by moment. */
 
 import { by, h, say } from "./dom";
-import { store } from "./store";
 import { t, verbatim } from "./i18n";
+import { store } from "./store";
 
 export function replayBar(): HTMLElement {
   const slider = h("input", {
@@ -11,7 +11,7 @@ export function replayBar(): HTMLElement {
     min: "0",
     max: "1000",
     value: "1000",
-    "aria-label": t("replay.time_in_the_flight"),
+    "aria-label": t("replay.time"),
     oninput: () => seek(Number(slider.value) / 1000),
   });
   return h(

@@ -3,8 +3,8 @@
 import { get, reasonOf } from "./api";
 import { by, fill, h, say } from "./dom";
 import { dateTime, fixed } from "./format";
-import type { SeasonRecord } from "./types";
 import { listed, t, verbatim, type Words } from "./i18n";
+import type { SeasonRecord } from "./types";
 
 const TITLES = [t("common.tag"), t("common.frequency"), t("common.flights"), t("season.detected_in"), t("season.minutes_searched"), t("season.minutes_to_detection"), t("season.last_detected")];
 
@@ -15,8 +15,8 @@ export function seasonSection(): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "h-season" }, t("season.the_season")),
-      h("button", { id: "season-show", onclick: () => void show() }, t("season.summarise_season")),
+      h("h2", { id: "h-season" }, t("season.title")),
+      h("button", { id: "season-show", onclick: () => void show() }, t("season.summarise")),
       h("span", { id: "season-note", class: "note", role: "status" }),
     ),
     h("div", { id: "season-table", class: "table-wrap" }),
@@ -24,7 +24,7 @@ export function seasonSection(): HTMLElement {
 }
 
 async function show(): Promise<void> {
-  say(by("season-note"), t("season.reading_all_flights"));
+  say(by("season-note"), t("season.reading"));
   try {
     draw(await get<SeasonRecord>("/season"));
   } catch (error) {
@@ -55,16 +55,16 @@ function draw(found: SeasonRecord): void {
 }
 
 function flown(found: SeasonRecord): Words {
-  return t("season.flights_minutes", { flights: found.flights, minutes: fixed(found.minutes, 0) });
+  return t("season.flown", { flights: found.flights, minutes: fixed(found.minutes, 0) });
 }
 
 function heard(found: SeasonRecord): Words {
-  const all = t("season.of_animals_detected", { animals_heard: found.animals_heard, animals: found.animals.length });
-  return found.minutes_per_animal === null ? all : listed(all, t("season.minutes_each", { minutes: fixed(found.minutes_per_animal, 1) }));
+  const all = t("season.animals_detected", { animals_heard: found.animals_heard, animals: found.animals.length });
+  return found.minutes_per_animal === null ? all : listed(all, t("season.minutes_per_detection", { minutes: fixed(found.minutes_per_animal, 1) }));
 }
 
 function batteries(found: SeasonRecord): Words {
-  if (!found.batteries) return t("season.no_flight_has_battery_data");
-  const put = t("season.battery_changes_charge_of_full", { batteries: found.batteries, batteries_used: fixed(found.batteries_used, 1) });
+  if (!found.batteries) return t("season.no_battery_data");
+  const put = t("season.batteries", { batteries: found.batteries, batteries_used: fixed(found.batteries_used, 1) });
   return listed(put, found.flights_without_battery > 0 && t("season.flights_without_battery", { flights: found.flights_without_battery }));
 }

@@ -25,18 +25,18 @@ const DEFAULT_FALSE_ALARM_PERCENT = 1;
 const MOST_WARNINGS = 5;
 
 const FIELDS: Field[] = [
-  { key: "id", label: t("setup.id"), unit: "", hint: t("setup.a_whole_number_different_for") },
-  { key: "name", label: t("common.name"), unit: "", hint: t("setup.shown_to_people_optional"), text: true },
-  { key: "frequency_mhz", label: t("common.frequency"), unit: "MHz", hint: t("setup.as_on_the_tags_sheet") },
-  { key: "kind", label: t("setup.kind"), unit: "", hint: t("setup.beeping_or_coded_bursts_whose"), text: true, choices: { beeping: t("setup.beeping"), coded: t("setup.coded") } },
-  { key: "interval_ms", label: t("setup.interval"), unit: "ms", hint: t("setup.from_pulse_to_pulse_of") },
-  { key: "gaps_ms", label: t("setup.gaps"), unit: "ms", hint: t("setup.of_a_coded_tag_from"), text: true },
-  { key: "second_interval_ms", label: t("setup.2nd_interval"), unit: "ms", hint: t("setup.of_a_tag_with_two") },
-  { key: "pulse_width_ms", label: t("setup.width"), unit: "ms", hint: t("setup.length_of_a_pulse") },
-  { key: "interval_uncertainty_ms", label: t("setup.uncertainty"), unit: "ms", hint: t("setup.largest_error_of_the_interval") },
-  { key: "interval_jitter_ms", label: t("setup.jitter"), unit: "ms", hint: t("setup.largest_deviation_of_a_single") },
-  { key: "k", label: t("setup.k"), unit: "", hint: t("setup.pulses_summed_for_one_decision") },
-  { key: "false_alarm_percent", label: t("setup.false_alarms"), unit: "%", hint: t("setup.probability_for_each_decision") },
+  { key: "id", label: t("setup.id"), unit: "", hint: t("setup.id_hint") },
+  { key: "name", label: t("common.name"), unit: "", hint: t("setup.name_hint"), text: true },
+  { key: "frequency_mhz", label: t("common.frequency"), unit: "MHz", hint: t("setup.frequency_hint") },
+  { key: "kind", label: t("setup.kind"), unit: "", hint: t("setup.kind_hint"), text: true, choices: { beeping: t("setup.beeping"), coded: t("setup.coded") } },
+  { key: "interval_ms", label: t("setup.interval"), unit: "ms", hint: t("setup.interval_hint") },
+  { key: "gaps_ms", label: t("setup.gaps"), unit: "ms", hint: t("setup.gaps_hint"), text: true },
+  { key: "second_interval_ms", label: t("setup.second_interval"), unit: "ms", hint: t("setup.second_interval_hint") },
+  { key: "pulse_width_ms", label: t("setup.width"), unit: "ms", hint: t("setup.width_hint") },
+  { key: "interval_uncertainty_ms", label: t("setup.uncertainty"), unit: "ms", hint: t("setup.uncertainty_hint") },
+  { key: "interval_jitter_ms", label: t("setup.jitter"), unit: "ms", hint: t("setup.jitter_hint") },
+  { key: "k", label: t("setup.k"), unit: "", hint: t("setup.k_hint") },
+  { key: "false_alarm_percent", label: t("setup.false_alarms"), unit: "%", hint: t("setup.false_alarms_hint") },
 ];
 
 /** As `CODED_PULSE_WIDTH_MS`, `BURST_TOLERANCE_MS` and `CODED_K` in uavrt/config/code_rules.py. */
@@ -67,8 +67,8 @@ export function buildSetup(): void {
           "div",
           { class: "toolbar" },
           h("h2", { id: "h-tags" }, t("common.tags")),
-          h("button", { id: "tag-add", onclick: () => addRow() }, t("setup.add_a_tag")),
-          h("select", { id: "tag-preset", "aria-label": t("setup.new_tags_like"), title: t("setup.new_tags_like") }, h("option", { value: "" }, t("setup.the_last_one"))),
+          h("button", { id: "tag-add", onclick: () => addRow() }, t("setup.add_tag")),
+          h("select", { id: "tag-preset", "aria-label": t("setup.new_tags_like"), title: t("setup.new_tags_like") }, h("option", { value: "" }, t("setup.last_tag"))),
           importButton(),
           ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", translate: "no", href: `${BASE}/api/tags/${name}`, download: name }, verbatim(name))),
           h("span", { id: "tag-state", class: "note", role: "status" }),
@@ -80,7 +80,7 @@ export function buildSetup(): void {
         h(
           "div",
           { id: "tag-conflict", class: "conflict", role: "alert", hidden: true },
-          h("span", {}, t("setup.another_page_has_changed_the")),
+          h("span", {}, t("setup.conflict")),
           h("button", { id: "tag-theirs", onclick: () => takeTheirs() }, t("setup.use_theirs")),
           h("button", { id: "tag-mine", onclick: () => void keepMine() }, t("setup.keep_mine")),
         ),
@@ -151,7 +151,7 @@ function draw(): void {
           { "data-field": field.key },
           field.choices ? kindChoice(field, row, place) : h("input", {
             value: row[field.key] ?? "",
-            "aria-label": t("setup.row_2", { field: field.label, row: place + 1 }),
+            "aria-label": t("setup.field_in_row", { field: field.label, row: place + 1 }),
             inputmode: field.text ? "text" : "decimal",
             autocomplete: "off",
             maxlength: 60,
@@ -174,8 +174,8 @@ function draw(): void {
   fill(
     by("tag-table"),
     rows.length
-      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: t("setup.tags_of_the_table_to") }, t("common.fly")), ...head, h("th", {}))), h("tbody", {}, ...body))
-      : h("p", { class: "empty" }, t("setup.no_tags_add_one_or")),
+      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: t("setup.fly_hint") }, t("common.fly")), ...head, h("th", {}))), h("tbody", {}, ...body))
+      : h("p", { class: "empty" }, t("setup.no_tags")),
   );
   drawFaults();
 }
@@ -186,7 +186,7 @@ function kindChoice(field: Field, row: TagRow, place: number): HTMLElement {
   const select: HTMLSelectElement = h(
     "select",
     {
-      "aria-label": t("setup.row_2", { field: field.label, row: place + 1 }),
+      "aria-label": t("setup.field_in_row", { field: field.label, row: place + 1 }),
       "data-row": place,
       "data-key": field.key,
       onchange: () => {
@@ -344,14 +344,14 @@ function drawFaults(): void {
     input.after(h("span", { class: "fault", id }, fromServer(fault.text)));
   }
   const first = faults[0];
-  say(by("tag-fault"), first ? t("setup.row", { row: first.row + 1, field: labelOf(first.field), fault: fromServer(first.text) }) : "");
+  say(by("tag-fault"), first ? t("setup.fault_in_row", { row: first.row + 1, field: labelOf(first.field), fault: fromServer(first.text) }) : "");
 }
 
 /** What is no fault, but may surprise in flight: codes that are near to each other. */
 function drawWarnings(warnings: string[]): void {
   const shown = warnings.slice(0, MOST_WARNINGS).map((text) => h("p", {}, fromServer(text)));
   const more = warnings.length - shown.length;
-  fill(by("tag-warnings"), ...shown, more > 0 ? h("p", {}, t("setup.and_more_pairs_of_codes", { more })) : null);
+  fill(by("tag-warnings"), ...shown, more > 0 ? h("p", {}, t("setup.more_code_pairs", { more })) : null);
 }
 
 function labelOf(key: string): Words {
@@ -385,8 +385,8 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
     draw();
     drawWarnings(answer.warnings);
     if (leftOut?.length) {
-      toast(t("setup.tags_read_check_them_then_save_not_selected", { count: rows.length, tags: verbatim(leftOut.join(", ")) }), 4);
-    } else toast(t("setup.tags_read_check_them_then", { count: rows.length }), 6);
+      toast(t("setup.tags_read_some_left_out", { count: rows.length, tags: verbatim(leftOut.join(", ")) }), 4);
+    } else toast(t("setup.tags_read", { count: rows.length }), 6);
   } catch (error) {
     say(by("tag-fault"), reasonOf(error));
   }
@@ -405,33 +405,33 @@ function connectionForm(): HTMLElement {
     },
     h("label", {}, t("common.how"), h("select", { id: "link-kind", onchange: () => suggest() })),
     h("label", {}, t("common.address"), h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
-    h("label", { title: t("setup.a_gps_receiver_of_this") },
-      t("setup.my_position_from_a_gps"),
+    h("label", { title: t("setup.my_place_hint") },
+      t("setup.my_place"),
       h("input", {
         id: "set-my-place",
         autocomplete: "off",
         spellcheck: "false",
-        placeholder: t("setup.empty_the_browsers_position"),
+        placeholder: t("setup.my_place_empty"),
         onchange: () => void change({ my_place: value("set-my-place") }, "set-my-place"),
       }),
       h("span", { class: "fault", id: "set-my-place-fault" }),
     ),
-    h("label", { title: t("setup.heights_of_the_ground_on") },
-      t("setup.heights_of_the_ground_file"),
+    h("label", { title: t("setup.dem_hint") },
+      t("setup.dem"),
       h("input", {
         id: "set-dem",
         autocomplete: "off",
         spellcheck: "false",
-        placeholder: t("setup.empty_level_ground"),
+        placeholder: t("setup.dem_empty"),
         onchange: () => void change({ dem: value("set-dem") }, "set-dem"),
       }),
       h("span", { class: "fault", id: "set-dem-fault" }),
     ),
-    h("label", {}, t("setup.drones_software"), h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
-      h("option", { value: "G1" }, t("setup.uavrt_or_tagtracker_of_2026")),
-      h("option", { value: "G0" }, t("setup.the_thesis_2023")),
-      h("option", { value: "G2v1" }, t("setup.tagtracker_version_1")),
-      h("option", { value: "G2" }, t("setup.tagtracker_versions_4_to_7")),
+    h("label", {}, t("setup.generation"), h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
+      h("option", { value: "G1" }, t("setup.generation_g1")),
+      h("option", { value: "G0" }, t("setup.generation_g0")),
+      h("option", { value: "G2v1" }, t("setup.generation_g2v1")),
+      h("option", { value: "G2" }, t("setup.generation_g2")),
     )),
     h("label", {}, t("common.language"), h("select", { id: "set-language", onchange: () => speakIn(value("set-language")) },
       ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
@@ -453,7 +453,7 @@ function speakIn(name: string): void {
     return;
   }
   (by("set-language") as HTMLSelectElement).value = language;
-  toast(t("setup.save_the_tags_first"), 4);
+  toast(t("setup.save_first"), 4);
 }
 
 function antennaForm(): HTMLElement {
@@ -469,19 +469,19 @@ function antennaForm(): HTMLElement {
     "form",
     { onsubmit: (event: Event) => event.preventDefault() },
     h("label", {}, t("common.antenna"), h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
-    number("set-offset", t("setup.antenna_turned_clockwise_from_the"), "antenna_offset_deg", t("setup.keep_0_if_the_drones")),
-    number("set-heading-error", t("setup.compass_error_of_a_whole"), "heading_error_deg", t("setup.compass_mounting_declination_one_standard")),
-    number("set-height-error", t("setup.height_error_of_a_whole"), "height_error_m", t("setup.ground_a_tag_on_a")),
-    number("set-gain", t("setup.gain_empty_the_drones"), "gain", t("setup.in_steps_of_the_radio")),
-    h("label", { title: t("setup.shown_when_there_are_several") }, t("setup.name_of_this_vehicle"), h("input", {
+    number("set-offset", t("setup.antenna_offset"), "antenna_offset_deg", t("setup.antenna_offset_hint")),
+    number("set-heading-error", t("setup.heading_error"), "heading_error_deg", t("setup.heading_error_hint")),
+    number("set-height-error", t("setup.height_error"), "height_error_m", t("setup.height_error_hint")),
+    number("set-gain", t("setup.gain"), "gain", t("setup.gain_hint")),
+    h("label", { title: t("setup.vehicle_name_hint") }, t("setup.vehicle_name"), h("input", {
       id: "set-vehicle-name",
       autocomplete: "off",
       maxlength: "40",
       "data-setting": "vehicle_name",
       onchange: () => void change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
     }), h("span", { class: "fault", id: "set-vehicle-name-fault" })),
-    number("set-roaming", t("setup.animals_move_in_a_minute"), "roaming_m", t("setup.the_uncertainty_of_a_position")),
-    number("set-frequency", t("setup.radio_frequency_mhz_empty_chosen"), "center_frequency_mhz", t("setup.centre_of_the_band")),
+    number("set-roaming", t("setup.roaming"), "roaming_m", t("setup.roaming_hint")),
+    number("set-frequency", t("setup.radio_frequency"), "center_frequency_mhz", t("setup.radio_frequency_hint")),
   );
 }
 
@@ -524,10 +524,10 @@ function offer(): void {
   if (!choices) return;
   fill(
     by("link-kind"),
-    h("option", { value: "" }, t("common.the_address_below")),
+    h("option", { value: "" }, t("common.address_below")),
     ...choices.ports.map((port) => h("option", { value: port.address, translate: "no" }, verbatim(`${port.device} ${port.description}`))),
-    h("option", { value: "udpin://127.0.0.1:14550" }, t("setup.udp_together_with_qgroundcontrol_or")),
-    h("option", { value: "udpin://0.0.0.0:14550" }, t("setup.udp_from_a_telemetry_wi")),
+    h("option", { value: "udpin://127.0.0.1:14550" }, t("setup.udp_shared")),
+    h("option", { value: "udpin://0.0.0.0:14550" }, t("setup.udp_wi_fi")),
     h("option", { value: "tcp://127.0.0.1:5760", translate: "no" }, verbatim("TCP")),
   );
   fill(by("set-antenna"), ...Object.keys(choices.antennas).map((name) => h("option", { value: name, translate: "no" }, verbatim(name))));
@@ -564,7 +564,7 @@ function drawSettings(): void {
 function drawConnection(): void {
   const state = store.state;
   if (!state) return;
-  const text = state.connection.error ? t("setup.not_connected_see_above") : (state.connection.open ? (state.drone.present ? t("setup.drone_connected") : t("setup.open_no_contact_with_a")) : t("setup.not_connected"));
+  const text = state.connection.error ? t("setup.connection_failed") : (state.connection.open ? (state.drone.present ? t("setup.drone_connected") : t("setup.no_contact_yet")) : t("setup.not_connected"));
   say(by("link-state"), text);
   const me = state.me;
   const heard = me?.latitude_deg === null ? (me.error ? fromServer(me.error) : t("setup.no_position_yet")) : "";

@@ -4,6 +4,7 @@
  */
 
 import { BASE, columns, get, PAGE, reasonOf } from "./api";
+import { t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { PULSE_NAMES, Pulses } from "./pulses";
 import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
@@ -26,7 +27,6 @@ import type {
   TagRow,
   WaterfallRecord,
 } from "./types";
-import { t, verbatim, type Words } from "./i18n";
 
 export type Topic =
   | "state"
@@ -293,7 +293,7 @@ class Store {
       const found = await estimatesOf(flightId);
       if (ticket === this.opening) this.take(found);
     } catch (error) {
-      if (ticket === this.opening) toast(t("store.bearings_and_positions_cannot_be", { reason: reasonOf(error) }), 3);
+      if (ticket === this.opening) toast(t("store.no_estimates", { reason: reasonOf(error) }), 3);
     }
   }
 

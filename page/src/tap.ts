@@ -1,11 +1,11 @@
 /** A tap on the map: where that is, how far from me and the drone; marks and measuring. */
 
-import { t, verbatim, type Words } from "./i18n";
 import { get, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
 import { metres } from "./format";
 import { bearingDeg, distanceM, type LonLat } from "./geo";
+import { t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { herePlace } from "./shown";
 import { store } from "./store";
@@ -23,7 +23,7 @@ export function tapBox(made: FlightMap): HTMLElement {
   view = made;
   store.on(["state"], drawMe);
   view.onTap = (tap) => void show(tap);
-  return h("div", { id: "tap", class: "tap", hidden: true, role: "dialog", "aria-label": t("tap.this_place") });
+  return h("div", { id: "tap", class: "tap", hidden: true, role: "dialog", "aria-label": t("tap.title") });
 }
 
 let catcher: ((at: LonLat) => void) | null = null;
@@ -41,7 +41,7 @@ async function show(tap: Tap): Promise<void> {
   }
   if (from) {
     view.setMeasure([from, tap.at]);
-    say(tap.at, t("tap.from_the_first_place", { way: way(from, tap.at) }));
+    say(tap.at, t("tap.from_first", { way: way(from, tap.at) }));
     from = null;
     return;
   }
@@ -68,13 +68,13 @@ function say(at: LonLat, measured: Words | ""): void {
     place,
     h("div", { id: "tap-mgrs", class: "note" }),
     measured ? h("div", { id: "tap-measured" }, measured) : null,
-    here ? h("div", { id: "tap-drone", class: "note" }, t("tap.from_the_drone", { way: way(here.at, at) })) : null,
+    here ? h("div", { id: "tap-drone", class: "note" }, t("tap.from_drone", { way: way(here.at, at) })) : null,
     me ? h("div", { id: "tap-me", class: "note" }, t("tap.from_me", { way: way(me, at) })) : null,
     h(
       "div",
       { class: "row" },
       h("button", { id: "tap-mark", onclick: () => void mark(at, close) }, t("tap.mark")),
-      h("button", { id: "tap-measure", onclick: () => { from = at; toast(t("tap.tap_the_second_place"), 6); box.hidden = true; } }, t("tap.measure")),
+      h("button", { id: "tap-measure", onclick: () => { from = at; toast(t("tap.second_place"), 6); box.hidden = true; } }, t("tap.measure")),
       h("button", { onclick: close, "aria-label": t("common.close") }, verbatim("×")),
     ),
   );
@@ -88,7 +88,7 @@ function say(at: LonLat, measured: Words | ""): void {
 async function mark([longitude, latitude]: LonLat, close: () => void): Promise<void> {
   // It would go into the flight that goes on, not into the past one that is shown.
   if (!(await mayCommand("mark", () => undefined))) return;
-  const text = prompt(t("common.remark_optional"));
+  const text = prompt(t("common.remark"));
   if (text === null) return;
   try {
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });
@@ -104,7 +104,7 @@ export function toggleMe(button: HTMLElement): void {
     navigator.geolocation.clearWatch(watching);
     [watching, browsers] = [null, null];
   } else if (!("geolocation" in navigator)) {
-    toast(t("tap.this_browser_has_no_position"), 5);
+    toast(t("tap.no_position"), 5);
     return;
   } else {
     watching = navigator.geolocation.watchPosition(
@@ -112,7 +112,7 @@ export function toggleMe(button: HTMLElement): void {
         browsers = [found.coords.longitude, found.coords.latitude];
         drawMe();
       },
-      (fault) => toast(t("tap.your_position_is_unknown", { reason: verbatim(fault.message) }), 5),
+      (fault) => toast(t("tap.position_unknown", { reason: verbatim(fault.message) }), 5),
       { enableHighAccuracy: true, maximumAge: 5000 },
     );
   }

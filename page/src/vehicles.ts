@@ -3,10 +3,10 @@
 import { BASE, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { FleetRecord } from "./types";
-import { fromServer, t, verbatim, type Words } from "./i18n";
 
 const CLASSES: Record<string, string> = { detecting: "live", capturing: "live" };
 /** States of a drone's software. */
@@ -39,7 +39,7 @@ export function unserved(): number[] {
 export async function serve(number: number): Promise<void> {
   try {
     await send("POST", "/vehicles", { system_id: number }, {}, "");
-    toast(t("vehicles.also_connected_to_vehicle_its", { number }), 5);
+    toast(t("vehicles.served", { number }), 5);
   } catch (error) {
     toast(reasonOf(error), 3);
   }
@@ -59,13 +59,13 @@ export function drawVehicles(): void {
         "data-vehicle": String(one.system_id),
         "aria-current": one.page === `${BASE}/` ? "page" : null,
         "aria-label": nameOf(one),
-        title: t("vehicles.pulses", { name: nameOf(one), state: one.present ? (STATES[one.state ?? ""] ?? t("vehicles.connected")) : t("vehicles.no_contact"), pulses: one.pulses }),
+        title: t("vehicles.summary", { name: nameOf(one), state: one.present ? (STATES[one.state ?? ""] ?? t("vehicles.connected")) : t("vehicles.no_contact"), pulses: one.pulses }),
       },
       verbatim(one.name || `V${one.system_id ?? "?"}`),
     ),
   );
   const buttons = heard.map((number) =>
-    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: t("vehicles.another_vehicle_is_on_the", { number }), onclick: () => void serve(number) }, t("vehicles.also_connect_to_v", { number })),
+    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: t("vehicles.serve_hint", { number }), onclick: () => void serve(number) }, t("vehicles.serve", { number })),
   );
   const place = by("vehicles");
   const key = JSON.stringify([fleet.map((one) => [one.page, one.name, one.present, one.state, one.system_id]), heard, location.hash]);
@@ -92,11 +92,11 @@ interface Answers {
 /** Buttons that ask all vehicles, and what each answered; nothing where there is but one. */
 export function toAllBox(): HTMLElement {
   const buttons = TO_ALL.map(([name, label]) =>
-    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: t("vehicles.send_to_each_vehicle_of"), onclick: () => void askAll(name) }, label),
+    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: t("vehicles.to_all_hint"), onclick: () => void askAll(name) }, label),
   );
   const box = h(
     "section",
-    { id: "to-all", class: "to-all", hidden: true, "aria-label": t("vehicles.to_all_vehicles") },
+    { id: "to-all", class: "to-all", hidden: true, "aria-label": t("vehicles.to_all_label") },
     h("span", { class: "note" }, t("vehicles.to_all")),
     ...buttons,
     h("div", { id: "all-answers", class: "all-answers", role: "status" }),

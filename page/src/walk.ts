@@ -1,11 +1,11 @@
 /** Where to go: the position of the chosen tag, large, in the form that the people use. */
 
-import { fromServer, t, type TextId, verbatim, type Words } from "./i18n";
 import { get } from "./api";
 import { by, h, say } from "./dom";
 import { strongestSignal } from "./features";
 import { ago, fixed, metres } from "./format";
 import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
+import { fromServer, t, type TextId, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { speak } from "./speech";
 import { store } from "./store";
@@ -36,14 +36,14 @@ export function walkBox(): HTMLElement {
   );
   return h(
     "div",
-    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": t("walk.where_to_go") },
+    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": t("walk.title") },
     h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
     h("div", { id: "walk-place", class: "walk-place" }),
     h("div", { id: "walk-way", class: "walk-way" }),
-    h("ul", { id: "walk-remarks", class: "walk-remarks", tabindex: "0", "aria-label": t("walk.remarks_on_the_place") }),
+    h("ul", { id: "walk-remarks", class: "walk-remarks", tabindex: "0", "aria-label": t("walk.remarks") }),
     h(
       "div",
-      { class: "walk-formats", role: "group", "aria-label": t("walk.form_of_the_coordinates") },
+      { class: "walk-formats", role: "group", "aria-label": t("walk.formats") },
       ...formats,
       h("button", { id: "walk-speak", class: "format", onclick: () => speak(spelled()) }, t("walk.read_aloud")),
       h("button", { id: "walk-copy", class: "format", onclick: copyPlace }, t("walk.copy")),
@@ -64,7 +64,7 @@ export function drawWalk(): void {
   });
   if (fix) {
     box.hidden = false;
-    say(by("walk-title"), t("common.tag_2", { tag: store.tagName(id) }));
+    say(by("walk-title"), t("common.tag_named", { tag: store.tagName(id) }));
     const age = store.age(id);
     const old = age !== null && age >= OLD_S;
     say(by("walk-sure"), sureWithin(metres(store.radiusNow(fix)), fix.at_edge, old ? ago(age) : null));
@@ -85,14 +85,14 @@ export function drawWalk(): void {
     (one) => one.tag_id === id && one.accepted && one.start_time_ns <= store.until,
   );
   const last = turns.at(-1);
-  say(by("walk-title"), t("walk.tag_strongest_signal", { tag: store.tagName(id) }));
+  say(by("walk-title"), t("walk.strongest_signal", { tag: store.tagName(id) }));
   say(
     by("walk-sure"),
     last
       ? t(last.from_drone ? "walk.drones_bearing" : "walk.bearing", { bearing: fixed(last.bearing_deg, 0), direction: compass(last.bearing_deg) })
       : store.settings?.antenna === "monopole"
-        ? t("walk.fly_on_with_a_monopole")
-        : t("walk.turn_on_the_spot_for"),
+        ? t("walk.fly_on")
+        : t("walk.turn"),
   );
   const key = best.join();
   if (strongest?.key === key) {
@@ -156,7 +156,7 @@ function spelled(): Words {
 
 function copyPlace(): void {
   const text = by("walk-place").textContent ?? "";
-  const refused = () => toast(t("walk.this_browser_does_not_let"), 5);
+  const refused = () => toast(t("walk.no_copy"), 5);
   // Over plain HTTP from another computer there is no clipboard.
   if (!navigator.clipboard) refused();
   else void navigator.clipboard.writeText(text).then(() => toast(t("walk.copied"), 6), refused);

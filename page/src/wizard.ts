@@ -23,36 +23,36 @@ const STEPS: Step[] = [
   {
     name: "name",
     title: t("common.name"),
-    about: t("wizard.each_drone_has_its_own"),
-    fields: (setup) => [field("name", t("common.name"), setup.values.name, t("wizard.small_letters_digits_and_hyphens"))],
+    about: t("wizard.about_name"),
+    fields: (setup) => [field("name", t("common.name"), setup.values.name, t("wizard.name_hint"))],
   },
   {
     name: "antenna",
     title: t("common.antenna"),
-    about: t("wizard.which_antenna_it_carries_and"),
+    about: t("wizard.about_antenna"),
     fields: (setup) => [
       select("antenna", t("common.antenna"), setup.choices.antennas.map((name) => [name, name]), setup.values.antenna),
-      field("yaw_offset_deg", t("wizard.pointing_direction_clockwise_from_the"), String(setup.values.yaw_offset_deg), t("wizard.0_ahead_90_to_the")),
+      field("yaw_offset_deg", t("wizard.yaw"), String(setup.values.yaw_offset_deg), t("wizard.yaw_hint")),
     ],
   },
   {
     name: "radio",
     title: t("common.radio"),
-    about: t("wizard.plug_the_radio_in_before"),
-    test: t("wizard.test_the_radio"),
+    about: t("wizard.about_radio"),
+    test: t("wizard.test_radio"),
     fields: radioFields,
   },
   {
     name: "autopilot",
     title: t("wizard.autopilot"),
-    about: t("wizard.switch_on_the_autopilot_before"),
-    test: t("wizard.test_the_link"),
+    about: t("wizard.about_autopilot"),
+    test: t("wizard.test_link"),
     fields: autopilotFields,
   },
   {
     name: "keys",
     title: t("wizard.keys"),
-    about: t("wizard.empty_fields_stay_unchanged_passwords"),
+    about: t("wizard.about_keys"),
     fields: keyFields,
   },
 ];
@@ -85,7 +85,7 @@ function draw(): void {
     h(
       "header",
       {},
-      h("h2", { id: "wizard-title" }, t("wizard.first_set_up_of_this")),
+      h("h2", { id: "wizard-title" }, t("wizard.title")),
       h("select", { id: "wizard-language", "aria-label": t("common.language"), onchange: (event: Event) => choose((event.target as HTMLSelectElement).value) },
         ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
       ),
@@ -165,14 +165,14 @@ function radioFields(): Node[] {
   const row = radios.find((one) => one.kind === chosen);
   const rate = chosen === setup.values.kind ? setup.values.sample_rate_msps : (row?.rate_msps ?? 3);
   return [
-    h("p", { class: "note" }, found ? t("wizard.plugged_in", { radios: verbatim(found) }) : t("wizard.no_known_usb_radio_is")),
+    h("p", { class: "note" }, found ? t("wizard.plugged_in", { radios: verbatim(found) }) : t("wizard.no_radio")),
     select("kind", t("common.radio"), radios.map((one) => [one.kind, one.title]), chosen, () => {
       const now = radios.find((one) => one.kind === input("kind").value);
       if (now) input("sample_rate_msps").value = String(now.rate_msps);
     }),
-    field("gain", t("wizard.gain"), setup.values.gain === null ? "" : String(setup.values.gain), t("wizard.empty_the_default")),
-    field("sample_rate_msps", t("wizard.sample_rate_ms_s"), String(rate)),
-    labelled("bias_tee", t("wizard.power_for_an_amplifier_at"), h("input", { id: "wizard-bias_tee", name: "bias_tee", type: "checkbox", checked: setup.values.bias_tee })),
+    field("gain", t("wizard.gain"), setup.values.gain === null ? "" : String(setup.values.gain), t("wizard.gain_empty")),
+    field("sample_rate_msps", t("wizard.sample_rate"), String(rate)),
+    labelled("bias_tee", t("wizard.bias_tee"), h("input", { id: "wizard-bias_tee", name: "bias_tee", type: "checkbox", checked: setup.values.bias_tee })),
   ];
 }
 
@@ -180,12 +180,12 @@ function autopilotFields(): Node[] {
   const ports = h("select", { id: "wizard-port", onchange: () => {
     if (ports.value) input("address").value = ports.value;
     forgetTest();
-  } }, h("option", { value: "" }, t("common.the_address_below")));
+  } }, h("option", { value: "" }, t("common.address_below")));
   void getOnceThere<Choices>("/choices").then((choices) =>
     choices.ports.forEach((port) => ports.append(h("option", { value: port.address, translate: "no" }, verbatim(`${port.device} ${port.description}`)))),
   );
   return [
-    h("label", {}, h("span", {}, t("wizard.serial_ports_found")), ports),
+    h("label", {}, h("span", {}, t("wizard.ports")), ports),
     field("address", t("common.address"), setup.values.address, verbatim("serial:///dev/ttyAMA0:57600")),
   ];
 }
@@ -194,14 +194,14 @@ function keyFields(): Node[] {
   const file = h("input", { id: "wizard-update-file", type: "file", accept: ".pem", onchange: () => void file.files?.[0]?.text().then((text) => (update.value = text)) });
   const update = h("input", { type: "hidden", name: "update_key", id: "wizard-update_key" });
   return [
-    field("page_password", t("wizard.new_password_of_this_page"), "", t("wizard.8_to_63_letters_and"), "password"),
-    field("wifi_password", t("wizard.new_password_of_its_wi"), "", t("wizard.8_to_63_letters_and"), "password"),
-    field("command_key", t("wizard.key_for_commands"), "", setup.values.command_key ? t("wizard.there_is_one_paste_another") : t("wizard.none_yet_type_new_or")),
-    h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, t("wizard.save_it_for_a_laptop")) : "", verbatim(" "), h("span", {}, t("wizard.anyone_who_has_the_key"))),
-    field("ssh_key", t("wizard.public_ssh_key_of_the"), "", t("wizard.ssh_ed25519_aaaa_as_in")),
+    field("page_password", t("wizard.page_password"), "", t("wizard.password_hint"), "password"),
+    field("wifi_password", t("wizard.wi_fi_password"), "", t("wizard.password_hint"), "password"),
+    field("command_key", t("wizard.command_key"), "", setup.values.command_key ? t("wizard.key_exists") : t("wizard.key_missing")),
+    h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, t("wizard.save_key")) : "", verbatim(" "), h("span", {}, t("wizard.key_note"))),
+    field("ssh_key", t("wizard.ssh_key"), "", t("wizard.ssh_key_hint")),
     setup.values.update_key
-      ? h("p", { class: "note" }, t("wizard.the_update_key_is_set"))
-      : labelled("update_key", t("wizard.public_key_of_the_update"), h("span", {}, file, update)),
+      ? h("p", { class: "note" }, t("wizard.update_key_set"))
+      : labelled("update_key", t("wizard.update_key"), h("span", {}, file, update)),
   ];
 }
 
@@ -301,13 +301,13 @@ async function finish(): Promise<void> {
     const finished = await send<{ name: string }>("POST", "/set-up/finish", {});
     fill(
       dialog,
-      h("header", {}, h("h2", { id: "wizard-title" }, t("wizard.this_computer_is_set_up"))),
-      h("p", {}, t("wizard.now_switch_it_off_and")),
+      h("header", {}, h("h2", { id: "wizard-title" }, t("wizard.done"))),
+      h("p", {}, t("wizard.restart")),
       h("dl", { class: "wizard-end" },
         h("dt", {}, t("wizard.its_wi_fi")), h("dd", { translate: "no" }, verbatim(finished.name)),
         h("dt", {}, t("common.this_page")), h("dd", { translate: "no" }, verbatim(`http://${finished.name}.local:${location.port || "8650"}`)),
       ),
-      h("p", { class: "note" }, t("wizard.before_it_flies_type_in")),
+      h("p", { class: "note" }, t("wizard.before_it_flies")),
       h("footer", {}, h("span", { class: "gap" }), h("button", { id: "wizard-close", class: "primary", onclick: () => dialog.close() }, t("common.close"))),
     );
     focusFirst();

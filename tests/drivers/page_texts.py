@@ -65,7 +65,7 @@ def filled_forms(gap: str) -> list[str]:
 
 
 def in_german(text: str) -> Found:
-    """Give what the server says in German as the page does (`i18n.ts`); a test compares them."""
+    """Give a text of the server in German as the page does (`i18n.ts`)."""
     return _find(text) or (text, _remainder(text))
 
 
