@@ -28,7 +28,7 @@ export function archiveSection(open: (id: string) => void): HTMLElement {
       h("span", { id: "archive-place", class: "note", translate: "no" }),
       h("span", { id: "archive-pager", class: "pager", role: "status" }),
     ),
-    h("div", { id: "archive-list", class: "table-wrap" }),
+    h("div", { id: "archive-list", class: "table-wrap", role: "region", "aria-labelledby": "h-archive", tabindex: "0" }),
   );
 }
 

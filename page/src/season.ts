@@ -19,7 +19,7 @@ export function seasonSection(): HTMLElement {
       h("button", { id: "season-show", onclick: () => void show() }, t("season.summarise")),
       h("span", { id: "season-note", class: "note", role: "status" }),
     ),
-    h("div", { id: "season-table", class: "table-wrap" }),
+    h("div", { id: "season-table", class: "table-wrap", role: "region", "aria-labelledby": "h-season", tabindex: "0" }),
   );
 }
 

@@ -1,13 +1,14 @@
-"""The page for everybody: accessible by axe's rules, by keyboard alone, in German."""
+"""The page for all: by axe's rules, by keyboard alone, in German, with longer texts."""
 
 import io
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from page_driver import Scene, axe_findings
-from page_texts import GOES_ON, filled_forms, in_german
+from page_texts import GOES_ON, SERVER, TEXTS, filled_forms, in_german
 from past_flight import write_flight
 from PIL import Image
 from playwright.sync_api import Page, expect
@@ -30,6 +31,14 @@ FOCUSED = """() => { const one = document.activeElement; const style = getComput
 CLIPPED = """() => [...document.querySelectorAll("button, .tab, .chip, .check-name")]
   .filter((one) => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1)
   .map((one) => one.textContent)"""
+STICKING_OUT = """() => [...document.querySelectorAll("body *")]
+  .filter((one) => one.childElementCount === 0 && one.textContent.trim())
+  .filter((one) => one.checkVisibility({ visibilityProperty: true }))
+  .filter((one) => !one.closest(".hidden-word, .skip, .table-wrap, svg, option"))
+  .filter((one) => { const { width, left, right } = one.getBoundingClientRect();
+    return width > 1 && (left < -1 || right > innerWidth + 1); })
+  .map((one) => one.textContent)"""
+PHONE = {"width": 390, "height": 844}
 SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40;
   while (performance.now() < end); requestAnimationFrame(burn); };
   requestAnimationFrame(burn); }"""
@@ -107,6 +116,40 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_la
     bad = [one for one in found if one[1] in ("serious", "critical")]
     assert not bad, json.dumps(bad, indent=1)
     assert not missing, json.dumps(sorted(missing), indent=1, ensure_ascii=False)
+
+
+def longer(text: str) -> str:
+    """Lengthen each word by 40 %, but no gap, address or number."""
+    numbers = iter(range(1, 99))
+    text = re.sub(r"\{\}", lambda _: f"{{{next(numbers)}}}", text)
+    grown = r"(?<![\w{/:.-])[^\W\d_]{2,}(?![\w}/:.-]*[/:}])"
+    return re.sub(grown, lambda word: word[0] + word[0][-1] * -(-2 * len(word[0]) // 5), text)
+
+
+def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(station: Scene) -> None:
+    """The language's file, fetched by the page, is replaced."""
+    texts = {name: longer(text) for name, text in (TEXTS["en"] | SERVER).items()}
+    watched = station.watch(locale="de-DE", plain_map=False)
+    page = watched.page
+    page.set_viewport_size(PHONE)
+    body = f"export default {json.dumps(texts)}"
+    page.route(
+        "**/assets/de-*.js",
+        lambda route: route.fulfill(content_type="text/javascript", body=body),
+    )
+    page.reload()
+    expect(page.locator("#tab-flights")).to_have_text("Flightssss")
+    ready(page)
+    bad: list[Any] = []
+    for state in states(page):
+        bad += [
+            (state, *one) for one in axe_findings(page) if one[0] in ("serious", "critical")
+        ]
+        bad += [(state, "cut off", one) for one in page.evaluate(CLIPPED)]
+        bad += [(state, "sticks out", one) for one in page.evaluate(STICKING_OUT)]
+        wide = page.evaluate("() => document.documentElement.scrollWidth")
+        bad += [(state, "wide", wide)] if wide > PHONE["width"] else []
+    assert not bad, json.dumps(bad, indent=1, ensure_ascii=False)
 
 
 def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
