@@ -113,8 +113,14 @@ def _ways(text: str) -> Iterator[Found]:
                 for rest in left
             )
             if not strange:
-                filled = GAP.sub(lambda gap, put=found: put[int(gap[1]) - 1][0], words)
-                yield filled, [rest for _, one in found for rest in one]
+                yield (
+                    _filled(words, [one for one, _ in found]),
+                    [rest for _, one in found for rest in one],
+                )
+
+
+def _filled(words: str, parts: list[str]) -> str:
+    return GAP.sub(lambda gap: parts[int(gap[1]) - 1], words)
 
 
 def _joined(parts: list[str], between: str) -> Found:

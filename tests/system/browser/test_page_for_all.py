@@ -38,7 +38,7 @@ STICKING_OUT = """() => [...document.querySelectorAll("body *")]
   .filter((one) => { const { width, left, right } = one.getBoundingClientRect();
     return width > 1 && (left < -1 || right > innerWidth + 1); })
   .map((one) => one.textContent)"""
-PHONE = {"width": 390, "height": 844}
+PHONE_PX = 390
 SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40;
   while (performance.now() < end); requestAnimationFrame(burn); };
   requestAnimationFrame(burn); }"""
@@ -131,7 +131,7 @@ def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(station: S
     texts = {name: longer(text) for name, text in (TEXTS["en"] | SERVER).items()}
     watched = station.watch(locale="de-DE", plain_map=False)
     page = watched.page
-    page.set_viewport_size(PHONE)
+    page.set_viewport_size({"width": PHONE_PX, "height": 844})
     body = f"export default {json.dumps(texts)}"
     page.route(
         "**/assets/de-*.js",
@@ -148,7 +148,7 @@ def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(station: S
         bad += [(state, "cut off", one) for one in page.evaluate(CLIPPED)]
         bad += [(state, "sticks out", one) for one in page.evaluate(STICKING_OUT)]
         wide = page.evaluate("() => document.documentElement.scrollWidth")
-        bad += [(state, "wide", wide)] if wide > PHONE["width"] else []
+        bad += [(state, "wide", wide)] if wide > PHONE_PX else []
     assert not bad, json.dumps(bad, indent=1, ensure_ascii=False)
 
 
