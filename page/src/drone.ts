@@ -93,7 +93,7 @@ async function ask(name: string, body: unknown): Promise<string> {
   } catch (error) {
     const words = reasonOf(error);
     say(by("drone-note"), words);
-    const english = error instanceof ApiError ? String(error.body.message ?? error.body.error) : words;
+    const english = error instanceof ApiError ? String(error.body.error ?? error.body.message) : words;
     if (!FIRST_STEP.test(english)) toast(words, 4);
     return english;
   }
