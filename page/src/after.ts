@@ -113,10 +113,10 @@ function fold(one: Verdict): HTMLElement | "" {
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
   const name = t("common.tag_named", { tag: verbatim([one.tag_id, row?.name].filter(Boolean).join(" ")) });
-  const often = oftenOf(one.false_alarm_probability);
+  const odds = oddsOf(one.false_alarm_probability);
   const said = one.found
-    ? [t("after.found", { interval: fixed(one.interval_s, 4), often, pulses: one.pulses, heard: one.heard_live }), where(one)]
-    : one.silent ? [t("after.not_found_sentence", { often }), silent(one.silent)] : [t("after.not_found", { often })];
+    ? [t("after.found", { interval: fixed(one.interval_s, 4) }), odds, t("after.pulses", { pulses: one.pulses, heard: one.heard_live }), where(one)]
+    : [t("after.not_found"), odds, one.silent && silent(one.silent)];
   return h("li", {}, h("strong", {}, name), ...said.flatMap((words) => (words ? [verbatim(" "), words] : [])), remarks(one), fold(one));
 }
 
@@ -144,7 +144,7 @@ function remarks(one: Verdict): HTMLElement | "" {
   return one.remarks ? h("p", { class: "note" }, verbatim(one.remarks.split("; ").map(fromServer).join("; "))) : "";
 }
 
-function oftenOf(probability: number): Words {
+function oddsOf(probability: number): Words {
   if (probability >= 0.01) return t("after.odds_in_100", { flights: Math.round(100 * probability) });
   return probability < 1e-9
     ? t("after.odds_below_billion")
