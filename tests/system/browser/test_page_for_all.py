@@ -4,9 +4,11 @@ import io
 import json
 import re
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any
 
 import pytest
+from moved_page import GUIDANCE
 from page_driver import Scene, axe_findings
 from page_texts import GOES_ON, SERVER, TEXTS, filled_forms, in_german
 from past_flight import write_flight
@@ -126,10 +128,23 @@ def longer(text: str) -> str:
     return re.sub(grown, lambda word: word[0] + word[0][-1] * -(-2 * len(word[0]) // 5), text)
 
 
-def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(station: Scene) -> None:
+def motions(page: Page) -> Iterator[str]:
+    """Go through what a drone can be asked to fly."""
+    page.click("#tab-fly")
+    page.click("#show-move")
+    for kind in page.locator(".kind").all():
+        kind.click()
+        yield f"move: {kind.inner_text()}"
+    page.click("#show-tags")
+
+
+def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(scene: Scene) -> None:
     """The language's file, fetched by the page, is replaced."""
+    for east_m in (120.0, 150.0):
+        write_flight(scene.here, east_m, 300.0)
+    scene.drone(guidance=GUIDANCE, flies=True)
     texts = {name: longer(text) for name, text in (TEXTS["en"] | SERVER).items()}
-    watched = station.watch(locale="de-DE", plain_map=False)
+    watched = scene.watch(locale="de-DE", plain_map=False)
     page = watched.page
     page.set_viewport_size({"width": PHONE_PX, "height": 844})
     body = f"export default {json.dumps(texts)}"
@@ -140,8 +155,9 @@ def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(station: S
     page.reload()
     expect(page.locator("#tab-flights")).to_have_text("Flightssss")
     ready(page)
+    expect(page.locator("#motion-bar")).to_be_visible()
     bad: list[Any] = []
-    for state in states(page):
+    for state in chain(motions(page), states(page)):
         bad += [
             (state, *one) for one in axe_findings(page) if one[0] in ("serious", "critical")
         ]
