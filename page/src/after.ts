@@ -4,8 +4,9 @@ import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { askForMap, forgetHeard, heardElements, numberOf, tellHeard } from "./heard";
 import { isPlace } from "./features";
-import { fixed, metres } from "./format";
+import { fixed, metres, percent } from "./format";
 import type { LonLat } from "./geo";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import { catchTaps } from "./tap";
 import type { Absence, IntegrationAnswer, SilenceMap, Verdict } from "./types";
@@ -27,24 +28,24 @@ export function afterPanel(made: FlightMap): HTMLElement {
   return h(
     "div",
     { id: "after", class: "after", hidden: true },
-    h("h3", {}, "In the whole flight"),
+    h("h3", {}, t("after.whole_flight")),
     h("ul", { id: "verdicts", class: "verdicts" }),
-    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, "Search below the noise"),
+    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, t("after.search")),
     h("p", { id: "integrate-status", class: "status-line", role: "status" }),
-    h("h3", {}, "Where it would have been detected"),
+    h("h3", {}, t("after.silence_title")),
     h(
       "div",
       { class: "fields" },
-      h("label", {}, h("span", {}, "Tag"), h("select", { id: "silence-tag", onchange: () => void forget() })),
-      h("label", {}, h("span", {}, "Radiated power, dBm"), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
+      h("label", {}, h("span", {}, t("common.tag")), h("select", { id: "silence-tag", onchange: () => void forget() })),
+      h("label", {}, h("span", {}, t("common.radiated_power")), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
     ),
-    h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, "Make the map"),
+    h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, t("common.make_map")),
     ...heardElements("silence"),
     h(
       "div",
       { class: "area-row" },
-      h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, "Draw an area"),
-      h("button", { id: "absence-clear", onclick: () => clear() }, "Clear"),
+      h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, t("after.draw_area")),
+      h("button", { id: "absence-clear", onclick: () => clear() }, t("common.clear")),
     ),
     h("p", { id: "absence-status", class: "status-line absence", role: "status" }),
     h("div", { id: "silence-status", class: "status-line", role: "status" }),
@@ -66,12 +67,12 @@ function drawAfter(): void {
     flight = now;
     forget();
     const tags = review?.rows ?? [];
-    fill(by("silence-tag"), ...tags.map((tag) => h("option", { value: String(tag.id), translate: "no" }, [tag.id, tag.name].filter(Boolean).join(" "))));
+    fill(by("silence-tag"), ...tags.map((tag) => h("option", { value: String(tag.id), translate: "no" }, verbatim([tag.id, tag.name].filter(Boolean).join(" ")))));
   }
   const tags = store.hindsight?.tags ?? [];
   fill(
     by("verdicts"),
-    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, "Not searched below the noise yet. Run uavrt integrate FLIGHT where the samples are.")]),
+    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, t("after.not_searched"))]),
   );
   by("integrate-begin").hidden = review === null || tags.length > 0;
 }
@@ -82,12 +83,12 @@ async function lookBelow(): Promise<void> {
   if (!id) return;
   const button = by("integrate-begin") as HTMLButtonElement;
   button.disabled = true;
-  say(by("integrate-status"), "Searching; this takes seconds to minutes.");
-  let fault = "";
+  say(by("integrate-status"), t("after.searching"));
+  let fault: Words | "" = "";
   try {
     for (;;) {
       const answer = await send<IntegrationAnswer>("POST", `/flights/${encodeURIComponent(id)}/integrate`, {});
-      if (answer.state === "failed") throw new ApiError(answer.error, 500);
+      if (answer.state === "failed") throw new ApiError(fromServer(answer.error), 500);
       if (answer.state === "done" || store.review?.flight_id !== id) break;
       await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
     }
@@ -99,58 +100,55 @@ async function lookBelow(): Promise<void> {
   button.disabled = false;
 }
 
-function fold(one: Verdict): HTMLElement | string {
+function fold(one: Verdict): HTMLElement | "" {
   const picture = store.folds[one.tag_id];
   if (!picture) return "";
   return h("img", {
     class: "fold",
     src: `data:image/png;base64,${picture.picture}`,
-    alt: "The flight folded at the interval: time downwards, phase to the right. A tag is a line in the middle.",
+    alt: t("after.fold_alt"),
   });
 }
 
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
-  const name = `Tag ${[one.tag_id, row?.name].filter(Boolean).join(" ")}`;
-  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`, one.silent ? "." : "", silent(one), remarks(one), fold(one));
-  const where = isPlace(one)
-    ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
-    : one.places > 1
-      ? ` In one of ${one.places} places that this flight cannot distinguish: ${one.parts.map(partOf).join("; ")}`
-      : one.bearing_deg !== null
-        ? ` At ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
-        : "";
-  return h(
-    "li",
-    {},
-    h("strong", {}, name),
-    ` found, every ${fixed(one.interval_s, 4)} s; noise alone shows as much ${often(one.false_alarm_probability)}. ${one.pulses} pulses in hindsight (rings), ${one.heard_live} heard in flight.`,
-    where,
-    remarks(one),
-    fold(one),
-  );
+  const name = t("common.tag_named", { tag: verbatim([one.tag_id, row?.name].filter(Boolean).join(" ")) });
+  const odds = oddsOf(one.false_alarm_probability);
+  const said = one.found
+    ? [t("after.found", { interval: fixed(one.interval_s, 4) }), odds, t("after.pulses", { pulses: one.pulses, heard: one.heard_live }), where(one)]
+    : [t("after.not_found"), odds, one.silent && silent(one.silent)];
+  return h("li", {}, h("strong", {}, name), ...said.flatMap((words) => (words ? [verbatim(" "), words] : [])), remarks(one), fold(one));
 }
 
-function partOf(one: Verdict["parts"][number]): string {
-  return `${fixed(one.latitude_deg, 5)}, ${fixed(one.longitude_deg, 5)}, within ${metres(one.radius95_m)} (${Math.round(100 * one.probability)}\u202f%)`;
+function where(one: Verdict): HTMLElement | Words | "" {
+  if (isPlace(one)) {
+    const [latitude, longitude] = [fixed(one.latitude_deg!, 5), fixed(one.longitude_deg!, 5)];
+    return h("span", { class: "place" }, t("after.place", { latitude, longitude, radius: metres(one.radius95_m!) }));
+  }
+  if (one.places > 1) return t("after.places", { count: one.places, places: verbatim(one.parts.map(partOf).join("; ")) });
+  if (one.bearing_deg === null) return "";
+  return t("after.bearing", { bearing: fixed(one.bearing_deg, 0), half: fixed((one.arc95_deg ?? 360) / 2, 0) });
 }
 
-function silent(one: Verdict): string {
-  if (!one.silent) return "";
-  const { tag_power_dbm, probability, within_m } = one.silent;
-  return within_m === null
-    ? ` No area around the flight would have detected a tag of ${fixed(tag_power_dbm, 0)} dBm with p ≥ ${fixed(probability, 1)}.`
-    : ` Within ${metres(within_m)} of the flight, a tag of ${fixed(tag_power_dbm, 0)} dBm would have been detected with p ≥ ${fixed(probability, 1)}.`;
+function partOf(one: Verdict["parts"][number]): Words {
+  return t("after.part", { latitude: fixed(one.latitude_deg, 5), longitude: fixed(one.longitude_deg, 5), radius: metres(one.radius95_m), probability: percent(one.probability) });
 }
 
-function remarks(one: Verdict): HTMLElement | string {
+function silent({ tag_power_dbm, probability, within_m }: NonNullable<Verdict["silent"]>): Words {
+  const [power, sure] = [fixed(tag_power_dbm, 0), fixed(probability, 1)];
+  return within_m === null ? t("after.silent_nowhere", { power, sure }) : t("after.silent_within", { radius: metres(within_m), power, sure });
+}
+
+function remarks(one: Verdict): HTMLElement | "" {
   // Each has its own words.
-  return one.remarks ? h("p", { class: "note" }, ...one.remarks.split("; ").flatMap((text, place) => (place ? ["; ", text] : [text]))) : "";
+  return one.remarks ? h("p", { class: "note" }, verbatim(one.remarks.split("; ").map(fromServer).join("; "))) : "";
 }
 
-function often(probability: number): string {
-  if (probability >= 0.01) return `in ${Math.round(100 * probability)} of 100 flights`;
-  return probability < 1e-9 ? "in fewer than one of a billion flights" : `in one of ${Number((1 / probability).toPrecision(1)).toLocaleString("en")} flights`;
+function oddsOf(probability: number): Words {
+  if (probability >= 0.01) return t("after.odds_in_100", { flights: Math.round(100 * probability) });
+  return probability < 1e-9
+    ? t("after.odds_below_billion")
+    : t("after.odds_one_in", { flights: verbatim(Number((1 / probability).toPrecision(1)).toLocaleString("en")) });
 }
 
 // ------------------------------------------------------------------- the map of silence
@@ -176,7 +174,7 @@ async function make(): Promise<void> {
   if (map) {
     shown = map;
     view.setHeard(map);
-    tellHeard("silence", map, [`The drone's noise: ${map.noise}.`]);
+    tellHeard("silence", map, [t("after.noise", { noise: fromServer(map.noise) })]);
   }
   await judge();
 }
@@ -187,7 +185,7 @@ function draw(): void {
   drawing = !drawing;
   by("absence-draw").setAttribute("aria-pressed", String(drawing));
   catchTaps(drawing ? corner : null);
-  if (drawing) say(by("absence-status"), "Tap the corners of the area on the map.");
+  if (drawing) say(by("absence-status"), t("after.tap_corners"));
 }
 
 function corner(at: LonLat): void {
@@ -208,7 +206,7 @@ async function judge(): Promise<void> {
   const id = store.review?.flight_id;
   if (!id || outline.length < 3) return;
   if (!shown) {
-    say(by("absence-status"), "Make the map first.");
+    say(by("absence-status"), t("after.map_first"));
     return;
   }
   const ticket = asked;
@@ -217,7 +215,7 @@ async function judge(): Promise<void> {
     if (ticket !== asked) return;
     say(
       by("absence-status"),
-      `Not here, p ${found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`}. There it would have been heard with ${Math.round(100 * found.heard)}\u202f%; before the flight it was there with ${found.prior.toFixed(3)}, were it anywhere on the map alike.`,
+      t("after.not_here", { odds: verbatim(found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`), heard: percent(found.heard), prior: fixed(found.prior, 3) }),
     );
   } catch (error) {
     if (ticket === asked) say(by("absence-status"), reasonOf(error));

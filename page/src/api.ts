@@ -1,5 +1,6 @@
 /** The server, asked. */
 
+import { fromServer, t, type Words } from "./i18n";
 import type { FieldFault } from "./types";
 
 /** Where this page's vehicle is served: nothing for the first, /vehicle/2 for another. */
@@ -27,20 +28,20 @@ function pageName(): string {
 
 export class ApiError extends Error {
   constructor(
-    message: string,
+    readonly words: Words,
     readonly status: number,
     readonly faults: FieldFault[] = [],
     readonly body: Record<string, unknown> = {},
   ) {
-    super(message);
+    super(words);
   }
 }
 
 const AGAIN_MS = 2000;
 
 /** Explain to the operator why a request failed. */
-export function reasonOf(error: unknown): string {
-  return error instanceof ApiError ? error.message : "the server cannot be reached";
+export function reasonOf(error: unknown): Words {
+  return error instanceof ApiError ? error.words : t("api.server_unreachable");
 }
 
 export async function get<T>(path: string): Promise<T> {
@@ -76,7 +77,7 @@ export async function send<T>(
 /** Binary columns in the order of their names, all of one length. */
 export async function columns(path: string, names: readonly string[], more = ""): Promise<Float64Array[]> {
   const response = await fetch(`${BASE}/api${path}?names=${names.join(",")}${more}`);
-  if (!response.ok) throw new ApiError(await reason(response), response.status);
+  if (!response.ok) throw await refusal(response);
   const cells = new Float64Array(await response.arrayBuffer());
   const count = cells.length / names.length;
   return names.map((_, place) => cells.subarray(place * count, (place + 1) * count));
@@ -84,14 +85,14 @@ export async function columns(path: string, names: readonly string[], more = "")
 
 async function answer<T>(response: Response): Promise<T> {
   if (response.ok) return (await response.json()) as T;
-  const body = (await response.json().catch(() => ({}))) as Record<string, unknown>;
-  const text = String(body.error ?? body.message ?? `the server answered ${response.status}`);
-  throw new ApiError(text, response.status, (body.faults as FieldFault[] | undefined) ?? [], body);
+  throw await refusal(response);
 }
 
-async function reason(response: Response): Promise<string> {
+async function refusal(response: Response): Promise<ApiError> {
   const body = (await response.json().catch(() => ({}))) as Record<string, unknown>;
-  return String(body.error ?? `the server answered ${response.status}`);
+  const text = body.error ?? body.message;
+  const words = text === undefined ? t("api.server_answered", { status: response.status }) : fromServer(String(text));
+  return new ApiError(words, response.status, (body.faults as FieldFault[] | undefined) ?? [], body);
 }
 
 /** Send a file as it is. */

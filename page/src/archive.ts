@@ -3,6 +3,7 @@
 import { get, reasonOf } from "./api";
 import { by, fill, h, say } from "./dom";
 import { dateTime, span } from "./format";
+import { t, verbatim } from "./i18n";
 import { pager } from "./pager";
 import type { ArchiveAnswer, ArchivedFlight } from "./types";
 
@@ -23,11 +24,11 @@ export function archiveSection(open: (id: string) => void): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "h-archive" }, "The archive"),
+      h("h2", { id: "h-archive" }, t("archive.title")),
       h("span", { id: "archive-place", class: "note", translate: "no" }),
       h("span", { id: "archive-pager", class: "pager", role: "status" }),
     ),
-    h("div", { id: "archive-list", class: "table-wrap" }),
+    h("div", { id: "archive-list", class: "table-wrap", role: "region", "aria-labelledby": "h-archive", tabindex: "0" }),
   );
 }
 
@@ -47,12 +48,12 @@ async function show(): Promise<void> {
     const found = await get<ArchiveAnswer>(`/archive?${query}`);
     if (number !== asked) return;
     by("archive").hidden = found.directory === null;
-    say(by("archive-place"), found.directory ?? "");
+    say(by("archive-place"), found.directory === null ? "" : verbatim(found.directory));
     pager(by("archive-pager"), found.total, after, ROWS, (next) => {
       after = next;
       void show();
     });
-    fill(by("archive-list"), found.total ? table(found.flights) : h("p", { class: "empty" }, "No such flight in the archive."));
+    fill(by("archive-list"), found.total ? table(found.flights) : h("p", { class: "empty" }, t("archive.no_flight")));
   } catch (error) {
     if (number !== asked) return;
     by("archive").hidden = false;
@@ -62,7 +63,7 @@ async function show(): Promise<void> {
 }
 
 function table(flights: ArchivedFlight[]): HTMLElement {
-  const titles = ["Start", "Length", "Pulses", "Tags heard (pulses)", "Where it is"];
+  const titles = [t("flights.start"), t("common.length"), t("common.pulses"), t("archive.tags_heard"), t("archive.place")];
   return h(
     "table",
     { class: "flights" },
@@ -83,12 +84,12 @@ function row(flight: ArchivedFlight): HTMLElement {
     { "data-archived": flight.flight },
     h("td", { class: "nowrap" }, start === null ? "" : dateTime(start)),
     h("td", { class: "number" }, start === null || end === null ? "" : span((end - start) / 1e9)),
-    h("td", { class: "number" }, flight.pulses.toLocaleString("en")),
-    h("td", { translate: "no" }, heard.join(", ")),
+    h("td", { class: "number" }, verbatim(flight.pulses.toLocaleString("en"))),
+    h("td", { translate: "no" }, verbatim(heard.join(", "))),
     h(
       "td",
       { class: "row-actions" },
-      flight.here ? h("button", { class: "open-flight", onclick: () => openFlight(flight.flight) }, "Open") : h("span", { class: "path", translate: "no" }, flight.path),
+      flight.here ? h("button", { class: "open-flight", onclick: () => openFlight(flight.flight) }, t("common.open")) : h("span", { class: "path", translate: "no" }, verbatim(flight.path)),
     ),
   );
 }

@@ -1,7 +1,9 @@
 /** Before a flight: where a tag would be heard along what is planned. */
 
 import { by, fill, h, say } from "./dom";
+import { fixed } from "./format";
 import { askForMap, forgetHeard, heardElements, numberOf, tellHeard } from "./heard";
+import { t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import type { PlanMap } from "./types";
 import type { FlightMap } from "./view";
@@ -11,13 +13,13 @@ export type Plan = { way: [number, number][] } | { outline: [number, number][]; 
 
 const MONOPOLE = "monopole";
 /** What a tag of no list is: `uavrt coverage` without --tags. */
-const NO_TAG = "A typical tag: 150\u202fMHz, every 1.254\u202fs";
-const NO_LINES = "Calculated for lines 200\u202fm apart; a search chooses its own path.";
-const NO_TURNS = "Calculated for a flight from place to place, without the turns.";
+const NO_TAG = t("before.typical_tag");
+const NO_LINES = t("before.no_lines");
+const NO_TURNS = t("before.no_turns");
 
 let view: FlightMap;
 let plan: Plan | null = null;
-let note = "";
+let note: Words | "" = "";
 let height: number | null = null;
 let asked = 0;
 let made: PlanMap | null = null;
@@ -26,24 +28,24 @@ let open = false;
 export function beforeBox(shown: FlightMap): HTMLElement {
   view = shown;
   store.on(["tags", "reset"], drawTags);
-  const input = (id: string, label: string, properties: Record<string, string>) =>
+  const input = (id: string, label: Words, properties: Record<string, string>) =>
     h("label", {}, h("span", {}, label), h("input", { id, autocomplete: "off", onchange: () => forget(), ...properties }));
   return h(
     "details",
     { id: "before", class: "before", hidden: true },
-    h("summary", {}, "Where would a tag be detected?"),
+    h("summary", {}, t("before.title")),
     h(
       "div",
       { class: "fields" },
-      h("label", {}, h("span", {}, "Tag"), h("select", { id: "before-tag", onchange: () => forget() }, h("option", { value: "" }, NO_TAG))),
-      input("before-power", "Radiated power, dBm", { value: "-25", inputmode: "decimal" }),
-      input("before-heights", "Flight heights, m", { placeholder: "as above, or 60" }),
+      h("label", {}, h("span", {}, t("common.tag")), h("select", { id: "before-tag", onchange: () => forget() }, h("option", { value: "" }, NO_TAG))),
+      input("before-power", t("common.radiated_power"), { value: "-25", inputmode: "decimal" }),
+      input("before-heights", t("before.heights"), { placeholder: t("before.heights_hint") }),
     ),
     h(
       "div",
       { class: "area-row" },
-      h("button", { id: "before-make", class: "primary", onclick: () => void make() }, "Make the map"),
-      h("button", { id: "before-hide", onclick: () => forget() }, "Hide the map"),
+      h("button", { id: "before-make", class: "primary", onclick: () => void make() }, t("common.make_map")),
+      h("button", { id: "before-hide", onclick: () => forget() }, t("before.hide_map")),
     ),
     ...heardElements("before"),
     h("div", { id: "before-status", class: "status-line", role: "status" }),
@@ -55,7 +57,7 @@ export function setPlan(now: Plan | null, how: "" | "search" | "turns", height_m
   const same = JSON.stringify(now) === JSON.stringify(plan) && height_m === height;
   plan = now;
   height = height_m;
-  note = { "": "", search: NO_LINES, turns: NO_TURNS }[how];
+  note = ({ "": "", search: NO_LINES, turns: NO_TURNS } as const)[how];
   by("before").hidden = plan === null;
   if (!same) forget();
 }
@@ -70,7 +72,7 @@ function drawTags(): void {
   const chosen = by("before-tag") as HTMLSelectElement;
   const was = chosen.value;
   const tags = store.tags.filter((tag) => Number.isInteger(Number(tag.id)));
-  fill(chosen, ...tags.map((tag) => h("option", { value: String(tag.id), translate: "no" }, [tag.id, tag.name].filter(Boolean).join(" "))), h("option", { value: "" }, NO_TAG));
+  fill(chosen, ...tags.map((tag) => h("option", { value: String(tag.id), translate: "no" }, verbatim([tag.id, tag.name].filter(Boolean).join(" ")))), h("option", { value: "" }, NO_TAG));
   if (tags.some((tag) => String(tag.id) === was)) chosen.value = was;
   else if (was !== chosen.value) forget();
 }
@@ -94,7 +96,7 @@ async function make(): Promise<void> {
   forget();
   const wanted = heights();
   if (!plan || !wanted) {
-    say(by("before-fault"), "Write heights as numbers separated by spaces");
+    say(by("before-fault"), t("before.heights_fault"));
     return;
   }
   const ticket = ++asked;
@@ -104,13 +106,15 @@ async function make(): Promise<void> {
   if (!map) return;
   made = map;
   if (open) view.setHeard(map);
-  tellHeard("before", map, [said(map), note].filter(Boolean));
+  tellHeard("before", map, note ? [said(map), note] : [said(map)]);
 }
 
 /** From where, how, and by which antenna. */
-function said(map: PlanMap): string {
-  const others = map.heights.filter((one) => !one.best).map((one) => `${one.height_m}\u202fm`);
-  const from = others.length ? `Best from ${map.height_m}\u202fm, better than from ${others.join(", ")}` : `From ${map.height_m}\u202fm`;
-  const antenna = map.antenna === MONOPOLE ? "an omnidirectional antenna" : `the antenna ${map.antenna} pointing ahead`;
-  return `${from} above the ground, at ${map.speed_m_s}\u202fm/s, with ${antenna}.`;
+function said(map: PlanMap): Words {
+  const others = verbatim(map.heights.filter((one) => !one.best).map((one) => fixed(one.height_m, 0, "m")).join(", "));
+  const [height, speed, antenna] = [map.height_m, map.speed_m_s, verbatim(map.antenna)];
+  if (map.antenna === MONOPOLE) {
+    return others ? t("before.best_omnidirectional", { height, others, speed }) : t("before.from_omnidirectional", { height, speed });
+  }
+  return others ? t("before.best_pointing", { height, others, speed, antenna }) : t("before.from_pointing", { height, speed, antenna });
 }

@@ -2,21 +2,22 @@
 
 import { get } from "./api";
 import { by, fill, h, say } from "./dom";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import type { Finding } from "./types";
 
 const AGAIN_MS = 2000;
-const NAMES: Record<string, string> = {
-  drone: "Drone",
-  radio: "Radio",
-  noise: "Noise",
-  time: "Time",
-  poses: "Position",
-  tags: "Bench tag",
-  disk: "Disk",
-  battery: "Battery",
-  card: "Card",
-  clock: "Clock",
+const NAMES: Record<string, Words> = {
+  drone: t("common.drone"),
+  radio: t("common.radio"),
+  noise: t("check.noise"),
+  time: t("check.time"),
+  poses: t("check.position"),
+  tags: t("check.bench_tag"),
+  disk: t("check.disk"),
+  battery: t("check.battery"),
+  card: t("check.card"),
+  clock: t("check.clock"),
 };
 
 let timer: number | undefined;
@@ -28,8 +29,8 @@ export function buildCheck(): void {
     h(
       "div",
       { class: "bench" },
-      h("h2", { id: "h-check" }, "Before a first flight"),
-      h("p", { class: "note" }, "Take the propellers off. Switch the drone on under the open sky, lay a tag a few metres away, press Send tags and Start, and wait half a minute."),
+      h("h2", { id: "h-check" }, t("check.title")),
+      h("p", { class: "note" }, t("check.instructions")),
       h("p", { id: "check-sum", class: "check-sum", role: "status" }),
       h("ul", { id: "check-list", class: "check-list", "aria-labelledby": "h-check" }),
     ),
@@ -46,7 +47,7 @@ export function showCheck(visible: boolean): void {
 async function ask(): Promise<void> {
   const found = await get<Finding[]>("/first-flight").catch(() => null);
   if (!found) {
-    say(by("check-sum"), "The ground station does not answer.");
+    say(by("check-sum"), t("check.no_answer"));
     return;
   }
   const wrong = found.filter((one) => !one.ok && !one.open).length;
@@ -61,21 +62,23 @@ async function ask(): Promise<void> {
 }
 
 /** In flight it gives no verdict: propellers must not be put on then. */
-function verdict(wrong: number, open: number, count: number): string {
-  if (store.state?.armed) return "The vehicle is armed: this list is for the bench.";
-  if (wrong) return `${wrong} of ${count} to fix`;
-  if (open) return "No fault found, but some points are not known yet: see “?”. Then stop, put the propellers on, and fly.";
-  return "Everything is in order. Stop, put the propellers on, and fly.";
+function verdict(wrong: number, open: number, count: number): Words {
+  if (store.state?.armed) return t("check.armed");
+  if (wrong) return t("check.count_to_fix", { wrong, count });
+  if (open) return t("check.some_open");
+  return t("check.all_passed");
 }
 
 function row(one: Finding): HTMLElement {
-  const [kind, mark, word] = one.ok ? ["good", "✓", "passed: "] : one.open ? ["open", "?", "open: "] : ["bad", "✗", "to fix: "];
+  const [kind, mark, word] = one.ok
+    ? ["good", "✓", t("check.passed")] as const
+    : one.open ? ["open", "?", t("check.open")] as const : ["bad", "✗", t("check.to_fix")] as const;
   return h(
     "li",
     { class: `check-row ${kind}`, "data-check": one.what, "data-ok": String(one.ok) },
-    h("span", { class: "check-mark", "aria-hidden": "true" }, mark),
-    h("span", { class: "check-name" }, NAMES[one.what] ?? one.what),
-    h("span", { class: "check-text" }, h("span", { class: "hidden-word" }, word), one.text),
-    one.remedy ? h("span", { class: "check-remedy" }, one.remedy) : null,
+    h("span", { class: "check-mark", "aria-hidden": "true" }, verbatim(mark)),
+    h("span", { class: "check-name" }, NAMES[one.what] ?? verbatim(one.what)),
+    h("span", { class: "check-text" }, h("span", { class: "hidden-word" }, word), verbatim(" "), fromServer(one.text)),
+    one.remedy ? h("span", { class: "check-remedy" }, fromServer(one.remedy)) : null,
   );
 }

@@ -3,6 +3,7 @@
 import { by, fill, h } from "./dom";
 import { dateTime, fixed, metres, span, UNKNOWN } from "./format";
 import { distanceM } from "./geo";
+import { t, verbatim } from "./i18n";
 import { isPlaced, store, stored, type Stored } from "./store";
 import type { PositionRecord } from "./types";
 
@@ -16,7 +17,7 @@ interface TagFacts {
 /** Load both and show them; the first is the one that the map shows in full. */
 export async function compare(first: string, second: string, go: (name: string) => void): Promise<void> {
   const holder = by("compare");
-  fill(holder, h("p", { class: "note" }, "Reading both flights …"));
+  fill(holder, h("p", { class: "note" }, t("compare.reading")));
   const [one, two] = await Promise.all([stored(first), stored(second)]);
   const show = async () => {
     await store.open(first);
@@ -37,22 +38,22 @@ export async function compare(first: string, second: string, go: (name: string) 
     h(
       "th",
       { scope: "colgroup", colspan: "4" },
-      `${dateTime(flight.summary.start_time_ns)}, ${span((flight.summary.end_time_ns - flight.summary.start_time_ns) / 1e9)}`,
+      verbatim(`${dateTime(flight.summary.start_time_ns)}, ${span((flight.summary.end_time_ns - flight.summary.start_time_ns) / 1e9)}`),
     );
-  const columns = ["Pulses", "Median SNR", "Best SNR", "Within (95\u202f%)"];
+  const columns = [t("common.pulses"), t("compare.median_snr"), t("compare.best_snr"), t("compare.radius")];
   fill(
     holder,
     h(
       "div",
       { class: "toolbar" },
-      h("h2", {}, "Compared"),
-      h("button", { id: "compare-map", class: "primary", onclick: () => void show() }, "Both on the map"),
-      h("button", { onclick: () => fill(holder) }, "Close"),
+      h("h2", {}, t("compare.title")),
+      h("button", { id: "compare-map", class: "primary", onclick: () => void show() }, t("compare.show_both")),
+      h("button", { onclick: () => fill(holder) }, t("common.close")),
     ),
     h(
       "table",
       { class: "compared" },
-      h("thead", {}, h("tr", {}, h("td", {}), title(one), title(two), h("td", {})), h("tr", {}, ...["Tag", ...columns, ...columns, "Positions apart"].map((text) => h("th", { scope: "col" }, text)))),
+      h("thead", {}, h("tr", {}, h("td", {}), title(one), title(two), h("td", {})), h("tr", {}, ...[t("common.tag"), ...columns, ...columns, t("compare.distance")].map((text) => h("th", { scope: "col" }, text)))),
       h("tbody", {}, ...lines),
     ),
   );
@@ -61,7 +62,7 @@ export async function compare(first: string, second: string, go: (name: string) 
 
 function line(name: string, one: TagFacts, two: TagFacts): HTMLElement {
   const cells = [one, two].flatMap((facts) => [
-    facts.pulses.toLocaleString("en"),
+    verbatim(facts.pulses.toLocaleString("en")),
     fixed(facts.median, 1, "dB"),
     fixed(facts.best, 1, "dB"),
     facts.fix ? metres(facts.fix.radius95_m) : UNKNOWN,
@@ -75,7 +76,7 @@ function line(name: string, one: TagFacts, two: TagFacts): HTMLElement {
   return h(
     "tr",
     {},
-    h("th", { scope: "row", translate: "no" }, name),
+    h("th", { scope: "row", translate: "no" }, verbatim(name)),
     ...[...cells, apart].map((text) => h("td", { class: "number" }, text)),
   );
 }

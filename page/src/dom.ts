@@ -1,16 +1,23 @@
 /**
- * Elements without HTML text: what the drone or a file says can never become markup. Texts are
- * shown in the chosen language, but in elements with translate="no".
+ * Elements without HTML text: what the drone or a file says can never become markup. What people
+ * read or hear is `Words`: a text by its id, what the server says, or a name (`i18n.ts`).
  */
 
-import { translated } from "./i18n";
+import type { Words } from "./i18n";
 
-type Child = Node | string | number | null | undefined | false;
-type Properties = Record<string, unknown>;
+type Shown = Words | "";
+type Child = Node | Shown | number | null | undefined | false;
+/** Attributes that people read or hear. */
+interface Spoken {
+  title?: Shown;
+  "aria-label"?: Shown;
+  placeholder?: Shown;
+  alt?: Shown;
+}
 
 export function h<K extends keyof HTMLElementTagNameMap>(
   name: K,
-  properties: Properties = {},
+  properties: Spoken & Record<string, unknown> = {},
   ...children: Child[]
 ): HTMLElementTagNameMap[K] {
   const element = document.createElement(name);
@@ -18,7 +25,7 @@ export function h<K extends keyof HTMLElementTagNameMap>(
     if (value === undefined || value === null || value === false) continue;
     if (key.startsWith("on")) element.addEventListener(key.slice(2), value as EventListener);
     else if (key === "class") element.className = String(value);
-    else describe(element, key, value === true ? "" : String(value));
+    else element.setAttribute(key, value === true ? "" : String(value));
   }
   append(element, children);
   return element;
@@ -27,8 +34,7 @@ export function h<K extends keyof HTMLElementTagNameMap>(
 export function append(parent: Node, children: Child[]): void {
   for (const child of children) {
     if (child === null || child === undefined || child === false) continue;
-    const text = typeof child === "string" ? inLanguage(parent, child) : String(child);
-    parent.appendChild(child instanceof Node ? child : document.createTextNode(text));
+    parent.appendChild(child instanceof Node ? child : document.createTextNode(String(child)));
   }
 }
 
@@ -39,21 +45,13 @@ export function fill(element: Element, ...children: Child[]): void {
 }
 
 /** Set text only where it differs: screen readers and selections stay calm. */
-export function say(element: Element, text: string): void {
-  const words = inLanguage(element, text);
+export function say(element: Element, words: Shown): void {
   if (element.textContent !== words) element.textContent = words;
 }
 
-const SPOKEN = ["title", "aria-label", "placeholder"];
-
-/** Set an attribute; those that people read or hear are in their language. */
-export function describe(element: Element, name: string, text: string): void {
-  const words = SPOKEN.includes(name) ? inLanguage(element, text) : text;
+/** Set an attribute that people read or hear. */
+export function describe(element: Element, name: keyof Spoken, words: Shown): void {
   if (element.getAttribute(name) !== words) element.setAttribute(name, words);
-}
-
-function inLanguage(place: Node, text: string): string {
-  return place instanceof Element && place.getAttribute("translate") === "no" ? text : translated(text);
 }
 
 export function by(id: string): HTMLElement {
@@ -64,9 +62,9 @@ export function by(id: string): HTMLElement {
 
 const SVG = "http://www.w3.org/2000/svg";
 
-export function svg(name: string, attributes: Record<string, string | number>, ...children: Node[]): SVGElement {
+export function svg(name: string, attributes: Spoken & Record<string, string | number>, ...children: Node[]): SVGElement {
   const element = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) describe(element, key, String(value));
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
   for (const child of children) element.appendChild(child);
   return element;
 }

@@ -2,17 +2,18 @@
 
 import { get } from "./api";
 import { by, fill, h } from "./dom";
+import { t, verbatim, type Words } from "./i18n";
 import type { Door } from "./types";
 
-const TITLES: Record<string, string> = { page: "This page", "access point": "Wi-Fi of this computer" };
+const TITLES: Record<string, Words> = { page: t("common.this_page"), "access point": t("doors.wi_fi") };
 
 export function doorsSection(): HTMLElement {
   void get<Door[]>("/doors").then(draw, () => undefined);
   return h(
     "section",
     { class: "block wide", "aria-labelledby": "h-doors" },
-    h("h2", { id: "h-doors" }, "On a phone"),
-    h("div", { id: "doors", class: "doors" }, h("p", { class: "note" }, "This page is served to this computer only: start it with --listen 0.0.0.0 and a password.")),
+    h("h2", { id: "h-doors" }, t("doors.title")),
+    h("div", { id: "doors", class: "doors" }, h("p", { class: "note" }, t("doors.local_only"))),
   );
 }
 
@@ -24,8 +25,8 @@ function draw(doors: Door[]): void {
       h(
         "figure",
         { class: "door", "data-door": door.what },
-        h("img", { src: door.picture, width: 180, height: 180, alt: "QR code" }),
-        h("figcaption", {}, h("span", {}, TITLES[door.what] ?? door.what), door.what === "page" ? h("a", { href: door.text, translate: "no" }, door.text) : null),
+        h("img", { src: door.picture, width: 180, height: 180, alt: t("doors.qr_code") }),
+        h("figcaption", {}, h("span", {}, TITLES[door.what] ?? verbatim(door.what)), door.what === "page" ? h("a", { href: door.text, translate: "no" }, verbatim(door.text)) : null),
       ),
     ),
   );

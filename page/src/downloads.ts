@@ -2,6 +2,8 @@
 
 import { reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
+import { fixed } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { Download } from "./types";
@@ -24,16 +26,16 @@ export function downloadSection(changed: () => void): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "drone-title" }, "On the drone"),
-      h("button", { id: "drone-list", onclick: () => void list() }, "List flights"),
-      h("label", { class: "check" }, h("input", { type: "checkbox", id: "drone-samples" }), "with recorded samples (large)"),
+      h("h2", { id: "drone-title" }, t("downloads.title")),
+      h("button", { id: "drone-list", onclick: () => void list() }, t("downloads.list_flights")),
+      h("label", { class: "check" }, h("input", { type: "checkbox", id: "drone-samples" }), t("downloads.with_samples")),
     ),
     h(
       "div",
       { id: "download", class: "download", hidden: true, role: "status" },
-      h("progress", { id: "download-bar", "aria-label": "Download" }),
+      h("progress", { id: "download-bar", "aria-label": t("downloads.download") }),
       h("span", { id: "download-text" }),
-      h("button", { id: "download-stop", onclick: () => void stop() }, "Stop"),
+      h("button", { id: "download-stop", onclick: () => void stop() }, t("common.stop")),
     ),
     h("div", { id: "drone-flights" }),
   );
@@ -41,19 +43,19 @@ export function downloadSection(changed: () => void): HTMLElement {
 
 async function list(): Promise<void> {
   const holder = by("drone-flights");
-  fill(holder, h("p", { class: "note" }, "Requesting the list …"));
+  fill(holder, h("p", { class: "note" }, t("common.requesting_list")));
   try {
     const found = await send<Remote[]>("POST", "/drone/flights", {});
     fill(
       holder,
-      found.length ? null : h("p", { class: "empty" }, "No flight on the drone."),
+      found.length ? null : h("p", { class: "empty" }, t("downloads.no_flight")),
       ...found.map((one) =>
         h(
           "div",
           { class: "remote", "data-remote": one.flight_id },
-          h("span", {}, one.flight_id.replace("flight_log_", "").replace("_", " ")),
-          one.here ? h("span", { class: "chip good" }, "here") : null,
-          h("button", { class: "fetch", onclick: () => void start(one.flight_id) }, one.here ? "Fetch again" : "Fetch"),
+          h("span", {}, nameOf(one.flight_id)),
+          one.here ? h("span", { class: "chip good" }, t("downloads.is_here")) : null,
+          h("button", { class: "fetch", onclick: () => void start(one.flight_id) }, one.here ? t("downloads.fetch_again") : t("downloads.fetch")),
         ),
       ),
     );
@@ -94,14 +96,18 @@ function draw(): void {
   ended = now.ended;
 }
 
-function progressOf(now: Download): string {
-  const name = now.flight_id.replace("flight_log_", "").replace("_", " ");
-  if (now.error) return `${name}: ${now.error}`;
-  if (now.ended) return `${name}: here, ${size(now.done_bytes)}`;
-  if (now.whole_bytes === null) return `${name}: listing its files`;
-  return `${name}: ${size(now.done_bytes)} of ${size(now.whole_bytes)}, ${now.file}`;
+function progressOf(now: Download): Words {
+  const flight = nameOf(now.flight_id);
+  if (now.error) return t("downloads.failed", { flight, reason: fromServer(now.error) });
+  if (now.ended) return t("downloads.done", { flight, size: size(now.done_bytes) });
+  if (now.whole_bytes === null) return t("downloads.listing", { flight });
+  return t("downloads.progress", { flight, size: size(now.done_bytes), whole: size(now.whole_bytes), file: verbatim(now.file) });
 }
 
-function size(bytes: number): string {
-  return bytes < 1e6 ? `${Math.round(bytes / 1e3)}\u202fkB` : `${(bytes / 1e6).toFixed(1)}\u202fMB`;
+function nameOf(flight: string): Words {
+  return verbatim(flight.replace("flight_log_", "").replace("_", " "));
+}
+
+function size(bytes: number): Words {
+  return bytes < 1e6 ? fixed(bytes / 1e3, 0, "kB") : fixed(bytes / 1e6, 1, "MB");
 }

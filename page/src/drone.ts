@@ -1,13 +1,14 @@
 /** The drone's upkeep: its radio, its parameters, its flights. */
 
-import { reasonOf, send } from "./api";
+import { ApiError, reasonOf, send } from "./api";
 import { by, describe, fill, h, say } from "./dom";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 
 const UPKEEP = ["radio_status", "save_logs", "clean_logs"];
 /** Asked a second time, because it cannot be undone. */
-const FINAL: Record<string, string> = { clean_logs: "Remove flights from the drone?" };
+const FINAL: Record<string, Words> = { clean_logs: t("drone.remove_really") };
 const CONFIRM_MS = 5000;
 /** What our drone says to the first step; the original's removes at once. */
 const FIRST_STEP = /send it again after (\d+) s to delete (\d+) flights: (.+)$/;
@@ -23,9 +24,9 @@ export function droneSection(): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "h-drone" }, "The drone"),
+      h("h2", { id: "h-drone" }, t("drone.title")),
       ...buttons,
-      h("button", { id: "parameters-read", onclick: () => void read() }, "Parameters"),
+      h("button", { id: "parameters-read", onclick: () => void read() }, t("drone.parameters")),
       h("span", { id: "drone-note", class: "note", role: "status" }),
     ),
     h("div", { id: "parameters", class: "parameters" }),
@@ -38,8 +39,8 @@ function drawButtons(): void {
     const button = by(`act-${name}`);
     const action = actions[name];
     button.setAttribute("aria-disabled", String(!action?.enabled));
-    describe(button, "title", action?.reason ?? "");
-    if (!button.dataset.asking) say(button, action?.label ?? name);
+    describe(button, "title", fromServer(action?.reason ?? ""));
+    if (!button.dataset.asking) say(button, fromServer(action?.label ?? name));
   }
 }
 
@@ -47,7 +48,7 @@ async function press(name: string): Promise<void> {
   const button = by(`act-${name}`);
   const action = store.state?.actions[name];
   if (!action?.enabled) {
-    say(by("drone-note"), action?.reason ?? "Not possible now");
+    say(by("drone-note"), action?.reason ? fromServer(action.reason) : t("common.not_now"));
     return;
   }
   if (FINAL[name] && !button.dataset.asking) {
@@ -62,49 +63,50 @@ async function press(name: string): Promise<void> {
   if (button.dataset.asking === "wait") return;
   delete button.dataset.asking;
   const step = FIRST_STEP.exec(await ask(name, {}));
-  if (step) secondStep(button, Number(step[1]), step[2]!, step[3]!);
+  if (step) secondStep(button, Number(step[1]), Number(step[2]), step[3]!);
   drawButtons();
 }
 
 /** Show what will be removed and what stays; the second press counts if the drone accepts. */
-function secondStep(button: HTMLElement, waitS: number, count: string, stays: string): void {
-  const what = count === "1" ? `Remove ${count} flight` : `Remove ${count} flights`;
-  const kept = stays[0]!.toUpperCase() + stays.slice(1);
-  say(by("drone-note"), `${what} from the drone? ${kept}. Press again in ${waitS} s; else nothing is removed.`);
+function secondStep(button: HTMLElement, seconds: number, flights: number, stays: string): void {
+  const one = flights === 1;
+  const kept = fromServer(stays[0]!.toUpperCase() + stays.slice(1));
+  say(by("drone-note"), t(one ? "drone.remove_flight" : "drone.remove_flights", { flights, kept, seconds }));
   button.dataset.asking = "wait";
-  say(button, `${what} … wait`);
+  say(button, t(one ? "drone.remove_flight_wait" : "drone.remove_flights_wait", { flights }));
   setTimeout(() => {
     button.dataset.asking = "yes";
-    say(button, `${what} now`);
+    say(button, t(one ? "drone.remove_flight_now" : "drone.remove_flights_now", { flights }));
     setTimeout(() => {
       delete button.dataset.asking;
       drawButtons();
     }, SECOND_STEP_MS);
-  }, (waitS + 1) * 1000);
+  }, (seconds + 1) * 1000);
 }
 
 /** Ask the drone; give what it refused with, "" when it took it. */
 async function ask(name: string, body: unknown): Promise<string> {
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
-    say(by("drone-note"), answer.message);
+    say(by("drone-note"), fromServer(answer.message));
     return "";
   } catch (error) {
     const words = reasonOf(error);
     say(by("drone-note"), words);
-    if (!FIRST_STEP.test(words)) toast(words, 4);
-    return words;
+    const english = error instanceof ApiError ? String(error.body.error ?? error.body.message) : words;
+    if (!FIRST_STEP.test(english)) toast(words, 4);
+    return english;
   }
 }
 
 async function read(): Promise<void> {
   const note = by("drone-note");
-  say(note, "Requesting the list …");
+  say(note, t("common.requesting_list"));
   try {
     const found = await send<Record<string, number>>("POST", "/parameters", {});
     const names = Object.keys(found).sort();
     fill(by("parameters"), ...names.map((name) => row(name, found[name]!)));
-    say(note, `${names.length} parameters`);
+    say(note, t("drone.parameter_count", { count: names.length }));
   } catch (error) {
     say(note, reasonOf(error));
   }
@@ -116,7 +118,7 @@ function row(name: string, value: number): HTMLElement {
   const set = async () => {
     const wanted = Number(input.value.replace(",", "."));
     if (input.value.trim() === "" || !Number.isFinite(wanted)) {
-      say(by("drone-note"), `${name} must be a number`);
+      say(by("drone-note"), t("drone.not_a_number", { parameter: verbatim(name) }));
       input.setAttribute("aria-invalid", "true");
       return;
     }
@@ -126,5 +128,5 @@ function row(name: string, value: number): HTMLElement {
   input.addEventListener("keydown", (event) => {
     if (event.key === "Enter") void set();
   });
-  return h("label", { class: "parameter" }, h("span", {}, name), input, h("button", { onclick: () => void set() }, "Set"));
+  return h("label", { class: "parameter" }, h("span", {}, verbatim(name)), input, h("button", { onclick: () => void set() }, t("drone.set")));
 }

@@ -2,20 +2,21 @@
 
 import { get, reasonOf, send } from "./api";
 import { by, h, say } from "./dom";
+import { t, type Words } from "./i18n";
 
 interface Field {
   key: string;
-  label: string;
-  hint: string;
+  label: Words;
+  hint: Words;
 }
 
 const FIELDS: Field[] = [
-  { key: "operator", label: "Operator", hint: "Name of the operator" },
-  { key: "aircraft", label: "Aircraft", hint: "Kind and registration" },
-  { key: "permit", label: "Permit", hint: "Number of the permission to fly or to track" },
-  { key: "species", label: "Species", hint: "Of the tagged animals" },
-  { key: "time_zone", label: "Time zone", hint: "Reports show local time as well as UTC: Europe/Zurich" },
-  { key: "altitude_datum", label: "Altitudes refer to", hint: "What heights above the sea refer to: EGM96, LN02" },
+  { key: "operator", label: t("facts.operator"), hint: t("facts.operator_hint") },
+  { key: "aircraft", label: t("facts.aircraft"), hint: t("facts.aircraft_hint") },
+  { key: "permit", label: t("facts.permit"), hint: t("facts.permit_hint") },
+  { key: "species", label: t("facts.species"), hint: t("facts.species_hint") },
+  { key: "time_zone", label: t("facts.time_zone"), hint: t("facts.time_zone_hint") },
+  { key: "altitude_datum", label: t("facts.altitude_datum"), hint: t("facts.altitude_datum_hint") },
 ];
 
 export function factsSection(): HTMLElement {
@@ -23,7 +24,7 @@ export function factsSection(): HTMLElement {
   return h(
     "section",
     { class: "block wide", "aria-labelledby": "h-facts" },
-    h("h2", { id: "h-facts" }, "In reports"),
+    h("h2", { id: "h-facts" }, t("facts.title")),
     h(
       "form",
       { class: "facts", onsubmit: (event: Event) => event.preventDefault() },
@@ -38,7 +39,7 @@ export function factsSection(): HTMLElement {
       ),
       h("datalist", { id: "time-zones" }, ...Intl.supportedValuesOf("timeZone").map((zone) => h("option", { value: zone }))),
       h("p", { id: "fact-fault", class: "fault-line", role: "alert" }),
-      h("p", { class: "note" }, "Saved in report.toml next to the flights. A report.toml in a flight's own folder takes precedence."),
+      h("p", { class: "note" }, t("facts.where_saved")),
     ),
   );
 }

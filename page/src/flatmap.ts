@@ -3,12 +3,12 @@
  * shows what the other shows but vector maps, turned views and the strength over the ground.
  */
 
-import { translated } from "./i18n";
 import { PMTiles } from "pmtiles";
 import { snrColour, tagColour } from "./colour";
 import { h } from "./dom";
 import { collection, hindsightFeatures, motionFeatures, pulseFeatures, rayOf, regionsOf, stationOf, wedgeOf } from "./features";
 import { destination, type LonLat } from "./geo";
+import { t, verbatim } from "./i18n";
 import { AT_FIRST, type Layers, dark, ground } from "./maplayers";
 import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, roseElement } from "./markers";
 import { bearingsShown, frameKey, herePlace, isTelling, paddingIn, placesOf } from "./shown";
@@ -27,7 +27,7 @@ export class FlatMap implements FlightMap {
   readonly flat = true;
   follow = true;
   onTap: (tap: Tap) => void = () => undefined;
-  private canvas = h("canvas", { class: "flat-map", tabindex: "0", "aria-label": "Map of the flight. Enter taps its middle" });
+  private canvas = h("canvas", { class: "flat-map", tabindex: "0", "aria-label": t("common.map_label") });
   private over = h("div", { class: "flat-over" });
   private note = h("div", { class: "flat-attribution" });
   private zoom = 2;
@@ -49,8 +49,8 @@ export class FlatMap implements FlightMap {
     const buttons = h(
       "div",
       { class: "flat-zoom" },
-      h("button", { "aria-label": "Zoom in", onclick: () => this.zoomBy(1) }, "+"),
-      h("button", { "aria-label": "Zoom out", onclick: () => this.zoomBy(-1) }, "−"),
+      h("button", { "aria-label": t("map.zoom_in"), onclick: () => this.zoomBy(1) }, verbatim("+")),
+      h("button", { "aria-label": t("map.zoom_out"), onclick: () => this.zoomBy(-1) }, verbatim("−")),
     );
     container.append(this.canvas, this.over, buttons, this.note);
     new ResizeObserver(() => this.redraw()).observe(container);
@@ -132,7 +132,7 @@ export class FlatMap implements FlightMap {
     this.basemap = file && !file.fault && file.tiles !== "mvt" ? file : null;
     this.tiles.clear();
     this.archive = this.basemap?.format === "pmtiles" ? new PMTiles(this.placeOf(this.basemap)) : null;
-    this.note.textContent = file?.tiles === "mvt" ? translated("This map is of lines: it needs WebGL2") : (this.basemap?.attribution ?? "");
+    this.note.textContent = file?.tiles === "mvt" ? t("map.needs_webgl2") : (this.basemap?.attribution ?? "");
     this.redraw();
     return Promise.resolve();
   }

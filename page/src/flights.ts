@@ -6,6 +6,7 @@ import { compare } from "./compare";
 import { by, describe, fill, h, say } from "./dom";
 import { downloadSection } from "./downloads";
 import { dateTime, span } from "./format";
+import { t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { pager } from "./pager";
 import { seasonSection } from "./season";
@@ -32,23 +33,23 @@ export function buildFlights(go: (name: string) => void): void {
     void refresh();
     showArchive(wanted());
   };
-  const day = (id: string, words: string) => h("label", { class: "check" }, words, h("input", { id, type: "date", onchange: sought }));
+  const day = (id: string, words: Words) => h("label", { class: "check" }, words, h("input", { id, type: "date", onchange: sought }));
   fill(
     by("view-flights"),
     h(
       "div",
       { class: "toolbar" },
-      h("h2", {}, "Flights on this computer"),
-      h("button", { id: "flights-refresh", onclick: () => void all() }, "Refresh"),
-      h("button", { id: "flights-compare", "aria-disabled": "true", onclick: () => void compareTicked() }, "Compare two"),
+      h("h2", {}, t("flights.title")),
+      h("button", { id: "flights-refresh", onclick: () => void all() }, t("flights.refresh")),
+      h("button", { id: "flights-compare", "aria-disabled": "true", onclick: () => void compareTicked() }, t("flights.compare_two")),
     ),
     h(
       "div",
       { class: "toolbar sought", role: "search" },
-      h("label", { class: "check" }, "Tag", h("input", { id: "flights-tag", type: "number", min: "0", step: "1", placeholder: "any", onchange: sought })),
-      day("flights-from", "Day"),
-      day("flights-to", "to"),
-      h("button", { id: "flights-all", onclick: () => clear(sought) }, "All"),
+      h("label", { class: "check" }, t("common.tag"), h("input", { id: "flights-tag", type: "number", min: "0", step: "1", placeholder: t("flights.any_tag"), onchange: sought })),
+      day("flights-from", t("flights.day")),
+      day("flights-to", t("flights.to_day")),
+      h("button", { id: "flights-all", onclick: () => clear(sought) }, t("flights.all")),
       h("span", { id: "flights-pager", class: "pager", role: "status" }),
     ),
     h("div", { id: "flights-list", class: "table-wrap" }),
@@ -116,7 +117,7 @@ async function refresh(): Promise<void> {
     void refresh();
   });
   if (!found.total) {
-    instead(h("p", { class: "empty" }, any ? "No flight yet. The first start makes one." : "No such flight on this computer."));
+    instead(h("p", { class: "empty" }, any ? t("flights.no_flight_yet") : t("flights.no_such_flight")));
     return;
   }
   draw(found.flights);
@@ -137,20 +138,20 @@ function draw(flights: FlightSummary[]): void {
     return h(
       "tr",
       { "data-flight": flight.flight_id },
-      h("td", {}, h("label", { class: "touch" }, h("input", { type: "checkbox", class: "tick", "aria-label": "Compare this flight", checked: ticked.includes(flight.flight_id), onchange: () => tick(flight.flight_id) }))),
-      h("td", {}, dateTime(flight.start_time_ns), live ? h("span", { class: "chip live" }, "now") : null),
+      h("td", {}, h("label", { class: "touch" }, h("input", { type: "checkbox", class: "tick", "aria-label": t("flights.compare_this"), checked: ticked.includes(flight.flight_id), onchange: () => tick(flight.flight_id) }))),
+      h("td", {}, dateTime(flight.start_time_ns), live ? h("span", { class: "chip live" }, t("flights.now")) : null),
       h("td", { class: "number" }, span((flight.end_time_ns - flight.start_time_ns) / 1e9)),
-      h("td", { class: "number" }, flight.pulses.toLocaleString("en")),
-      h("td", { translate: "no" }, tags.join(", ")),
-      h("td", {}, `${flight.source === "ground" ? "received here" : "from the drone"}${flight.vehicle ? `, vehicle ${flight.vehicle}` : ""}`),
+      h("td", { class: "number" }, verbatim(flight.pulses.toLocaleString("en"))),
+      h("td", { translate: "no" }, verbatim(tags.join(", "))),
+      h("td", {}, whereFrom(flight)),
       h(
         "td",
         { class: "row-actions" },
         starButton(flight),
-        h("button", { class: "open-flight", onclick: () => void open(flight.flight_id) }, "Open"),
-        h("a", { class: "export report", href: `${BASE}/api/flights/${encodeURIComponent(flight.flight_id)}/report`, target: "_blank", rel: "noopener" }, "Report"),
+        h("button", { class: "open-flight", onclick: () => void open(flight.flight_id) }, t("common.open")),
+        h("a", { class: "export report", href: `${BASE}/api/flights/${encodeURIComponent(flight.flight_id)}/report`, target: "_blank", rel: "noopener" }, t("flights.report")),
         ...exports.map((name) =>
-          h("a", { class: "export", href: `${BASE}/api/flights/${encodeURIComponent(flight.flight_id)}/export/${name}`, download: "" }, name.toUpperCase()),
+          h("a", { class: "export", href: `${BASE}/api/flights/${encodeURIComponent(flight.flight_id)}/export/${name}`, download: "" }, verbatim(name.toUpperCase())),
         ),
       ),
     );
@@ -160,19 +161,24 @@ function draw(flights: FlightSummary[]): void {
     h(
       "table",
       { class: "flights" },
-      h("thead", {}, h("tr", {}, ...["", "Start", "Length", "Pulses", "Tags", "Where from", "Open, save"].map((title) => h("th", { scope: "col" }, title)))),
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }), ...[t("flights.start"), t("common.length"), t("common.pulses"), t("common.tags"), t("flights.where_from"), t("flights.open_save")].map((title) => h("th", { scope: "col" }, title)))),
       h("tbody", {}, ...rows),
     ),
   );
 }
 
+function whereFrom({ source, vehicle }: FlightSummary): Words {
+  if (!vehicle) return t(source === "ground" ? "flights.received_here" : "flights.from_drone");
+  return t(source === "ground" ? "flights.received_here_of" : "flights.from_drone_of", { vehicle: verbatim(vehicle) });
+}
+
 /** A starred flight is never removed from the computer that it is on. */
 function starButton(flight: FlightSummary): HTMLElement {
-  const button = h("button", { class: "star", onclick: () => void turn() }, "");
+  const button = h("button", { class: "star", onclick: () => void turn() });
   const draw = () => {
-    say(button, flight.starred ? "★" : "☆");
+    say(button, verbatim(flight.starred ? "★" : "☆"));
     button.setAttribute("aria-pressed", String(flight.starred));
-    const words = flight.starred ? "Starred: never removed. Press to remove the star" : "Star: never remove this flight";
+    const words = flight.starred ? t("flights.starred") : t("flights.star");
     describe(button, "aria-label", words);
     describe(button, "title", words);
   };
@@ -212,7 +218,7 @@ function tick(id: string): void {
 
 async function compareTicked(): Promise<void> {
   if (ticked.length !== 2) {
-    toast("Tick two flights first", 5);
+    toast(t("flights.tick_two"), 5);
     return;
   }
   const [first, second] = [...ticked].sort().reverse() as [string, string];

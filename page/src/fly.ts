@@ -6,8 +6,8 @@ import { beepBox, drawBeeps } from "./beeps";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "./dom";
-import { ago, fixed, UNKNOWN } from "./format";
-import { translated } from "./i18n";
+import { ago, fixed, percent, UNKNOWN } from "./format";
+import { fromServer, listed, t, verbatim, type Words } from "./i18n";
 import { drawFollow, drawLegend, layerBox, legend, offerMaps, recall } from "./layers";
 import { FlatMap, hasWebGl2 } from "./flatmap";
 import { MapView } from "./map";
@@ -52,7 +52,7 @@ let openView: (name: string) => void = () => undefined;
 
 export function buildFly(go: (name: string) => void): void {
   openView = go;
-  const actions = h("div", { class: "actions", role: "group", "aria-label": "Flight" });
+  const actions = h("div", { class: "actions", role: "group", "aria-label": t("fly.flight") });
   for (const name of ACTIONS) {
     const button = h("button", {
       id: `act-${name}`,
@@ -76,12 +76,12 @@ export function buildFly(go: (name: string) => void): void {
     h("div", { id: "progress", hidden: true }, h("progress", { id: "progress-bar" }), h("span", { id: "progress-text" })),
     h(
       "div",
-      { class: "segments", role: "group", "aria-label": "Panel next to the map" },
-      h("button", { id: "show-tags", "aria-pressed": "true", onclick: () => side("tags") }, "Tags"),
-      h("button", { id: "show-move", "aria-pressed": "false", onclick: () => side("move") }, "Move"),
-      h("button", { id: "show-after", "aria-pressed": "false", hidden: true, onclick: () => side("after") }, "After"),
+      { class: "segments", role: "group", "aria-label": t("fly.panel") },
+      h("button", { id: "show-tags", "aria-pressed": "true", onclick: () => side("tags") }, t("common.tags")),
+      h("button", { id: "show-move", "aria-pressed": "false", onclick: () => side("move") }, t("fly.move")),
+      h("button", { id: "show-after", "aria-pressed": "false", hidden: true, onclick: () => side("after") }, t("fly.after")),
     ),
-    h("div", { id: "cards", class: "cards", role: "list", "aria-label": "Tags" }),
+    h("div", { id: "cards", class: "cards", role: "list", "aria-label": t("common.tags") }),
     beepBox(),
   );
   const map = h("div", { id: "map", class: "map" });
@@ -142,15 +142,15 @@ export async function act(name: string): Promise<void> {
   if (!button || !action) return;
   if (!(await mayCommand(name, () => openView("setup")))) return;
   if (!store.state?.actions[name]?.enabled && !(name === "send_tags" && action.reason?.startsWith("No tags"))) {
-    toast(action.reason ?? "Not possible now", 5);
+    toast(action.reason ? fromServer(action.reason) : t("common.not_now"), 5);
     return;
   }
-  const body = name === "mark" ? { text: prompt(translated("Remark (optional)")) ?? "" } : {};
+  const body = name === "mark" ? { text: prompt(t("common.remark")) ?? "" } : {};
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
-    toast(`${action.label}: ${answer.message}`, 6);
+    toast(t("fly.answered", { action: fromServer(action.label), answer: fromServer(answer.message) }), 6);
   } catch (error) {
-    toast(`${action.label} failed: ${reasonOf(error)}`, 3);
+    toast(t("fly.failed", { action: fromServer(action.label), reason: reasonOf(error) }), 3);
   }
 }
 
@@ -160,12 +160,12 @@ function drawActions(): void {
   for (const [name, button] of buttons) {
     const action = state.actions[name];
     if (!action) continue;
-    const label = name === "send_tags" && tagsSent() ? "Tags sent" : action.label;
-    if (button.textContent !== label) fill(button, label, h("kbd", {}, KEYS[name]));
+    const label = name === "send_tags" && tagsSent() ? t("fly.tags_sent") : fromServer(action.label);
+    if (button.textContent !== label) fill(button, label, h("kbd", {}, verbatim(KEYS[name]!)));
     const off = !action.enabled || (store.review !== null && name !== "stop") || (store.looksOn() && name !== "stop" && name !== "mark");
     // Not "disabled": a button that can be focused can say why it does nothing.
     button.setAttribute("aria-disabled", String(off));
-    describe(button, "title", action.reason ?? "");
+    describe(button, "title", fromServer(action.reason ?? ""));
     button.classList.toggle("busy", state.busy?.action === name);
   }
   const next = nextStep();
@@ -180,7 +180,7 @@ function drawActions(): void {
       bar.max = busy.whole;
       bar.value = busy.done;
     } else bar.removeAttribute("value");
-    say(by("progress-text"), busy.text);
+    say(by("progress-text"), fromServer(busy.text));
   }
 }
 
@@ -195,19 +195,20 @@ function nextStep(): string | null {
   return null;
 }
 
-function hint(): string {
+function hint(): Words | "" {
   const actions = store.state?.actions;
   if (!actions) return "";
-  if (store.review) return "A past flight is shown.";
-  if (store.state?.drone.state === "detecting") return "Detecting. Turn slowly on the spot, then fly on.";
-  if (store.looksOn()) return "Another page has command. Take command first";
-  return actions.start?.reason ?? actions.send_tags?.reason ?? "Ready to start.";
+  if (store.review) return t("fly.past_flight");
+  if (store.state?.drone.state === "detecting") return t("fly.detecting");
+  if (store.looksOn()) return t("common.another_page_commands");
+  const why = actions.start?.reason ?? actions.send_tags?.reason;
+  return why ? fromServer(why) : t("fly.ready");
 }
 
 function showReason(name: string): void {
   const reason = by("act-reason");
   const why = store.state?.actions[name]?.reason;
-  say(reason, why ?? hint());
+  say(reason, why ? fromServer(why) : hint());
 }
 
 // ------------------------------------------------------------------- tags
@@ -227,7 +228,7 @@ function buildCards(): void {
     cards.clear();
     for (const id of ids) cards.set(id, makeCard(id));
     if (ids.size) fill(by("cards"), ...[...cards.values()].map((card) => card.root));
-    else fill(by("cards"), h("p", { class: "empty" }, "No tags yet. Type them in under Set-up."));
+    else fill(by("cards"), h("p", { class: "empty" }, t("fly.no_tags_yet")));
   }
   for (const [id, card] of cards) {
     const name = card.root.querySelector(".tag-name")!;
@@ -236,8 +237,8 @@ function buildCards(): void {
     card.root.querySelector(".tag-pick")!.setAttribute("aria-pressed", String(id === store.selected));
     const hidden = store.hidden.has(id);
     card.root.classList.toggle("is-hidden", hidden);
-    say(card.eye, hidden ? "Show" : "Hide");
-    describe(card.eye, "aria-label", hidden ? `Show tag ${id} on the map` : `Hide tag ${id} on the map`);
+    say(card.eye, hidden ? t("fly.show") : t("fly.hide"));
+    describe(card.eye, "aria-label", hidden ? t("fly.show_tag", { id }) : t("fly.hide_tag", { id }));
     (card.root.querySelector(".tag-dot") as HTMLElement).style.background = tagColour(store.tagOrder(id));
   }
 }
@@ -259,7 +260,7 @@ function makeCard(id: number): Card {
       fresh,
       snr,
     ),
-    h("div", { class: "bar", role: "img", "aria-label": "Signal strength" }, bar),
+    h("div", { class: "bar", role: "img", "aria-label": t("fly.signal_strength") }, bar),
     facts,
     eye,
   );
@@ -297,16 +298,17 @@ function drawCards(): void {
     say(card.fresh, freshWord(state));
     const snr = one ? store.pulses.get("snr")[one.last]! : NaN;
     const clipped = one !== undefined && store.pulses.get("clipped")[one.last]! > 0;
-    say(card.snr, (clipped ? "≥\u202f" : "") + fixed(snr, 1, "dB"));
+    const strength = fixed(snr, 1, "dB");
+    say(card.snr, clipped ? verbatim(`≥\u202f${strength}`) : strength);
     const part = Math.min(1, Math.max(0.02, snr / SNR_HIGH));
     card.bar.style.width = Number.isFinite(snr) ? `${part * 100}%` : "0";
     card.bar.style.background = snrColour(snr);
     const facts = one ? factsOf(one, age, row, now) : nominal(row);
-    say(card.facts, [facts, usable(id)].filter(Boolean).join(" · "));
+    say(card.facts, listed(facts, ...usable(id)));
   }
 }
 
-function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number): string {
+function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number): Words {
   const frequency = store.pulses.get("frequency")[one.last]! / 1e6;
   const rate = store.pulses.get("rate")[one.last]!;
   const interval = Number(rate === 2 ? row?.second_interval_ms : row?.interval_ms);
@@ -315,45 +317,49 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
   const also = store.pulses.get("also")[one.last]!;
   const ghost = store.pulses.get("ghost")[one.last]!;
   const id = store.pulses.get("tag")[one.last]!;
-  const parts = [
-    Number.isFinite(ghost) ? `image of ${ghost}` : Number.isFinite(also) ? `${id} or ${also}` : null,
+  return listed(
+    Number.isFinite(ghost) ? t("fly.image_of", { ghost }) : Number.isFinite(also) ? t("fly.either_tag", { id, also }) : null,
     store.review ? null : ago(age),
-    `${Math.round(one.minute / minutes)}/min`,
-    `${frequency.toFixed(4)}\u202fMHz`,
-    row?.second_interval_ms ? `rate ${rate}${interval ? ` (${interval}\u202fms)` : ""}` : null,
-    row?.gaps_ms ? `${one.all} bursts` : `${one.all} pulses`,
-    row?.gaps_ms ? codeOf(id, row) : null,
-  ];
-  return parts.filter(Boolean).join(" · ");
+    t("fly.per_minute", { pulses: Math.round(one.minute / minutes) }),
+    fixed(frequency, 4, "MHz"),
+    !!row?.second_interval_ms && (interval ? t("fly.rate_of", { rate, interval }) : t("fly.rate", { rate })),
+    row?.gaps_ms ? t("fly.bursts", { bursts: one.all }) : t("common.pulse_count", { pulses: one.all }),
+    !!row?.gaps_ms && codeOf(id, row),
+  );
 }
 
 /** How much of the time the tag's frequency is usable now, and from which strength on. */
-function usable(id: number): string | null {
+function usable(id: number): Words[] {
   const report = store.review ? undefined : store.searched.get(id);
-  if (typeof report?.usable_share !== "number") return null;
+  if (typeof report?.usable_share !== "number") return [];
   const weakest = report.weakest_enr_db;
-  const share = `usable ${(100 * report.usable_share).toFixed(0)}\u202f%`;
-  return weakest === null ? share : `${share} · detectable from ${weakest.toFixed(0)}\u202fdB`;
+  const share = t("fly.usable", { share: percent(report.usable_share) });
+  return weakest === null ? [share] : [share, t("fly.detectable", { snr: fixed(weakest, 0, "dB") })];
 }
 
 /** The code: its gaps as measured in the last burst, or as listed. */
-function codeOf(id: number, row: TagRow): string {
+function codeOf(id: number, row: TagRow): Words {
   const starts = store.review ? undefined : store.bursts.get(id)?.burst_starts_ns;
-  const listed = String(row.gaps_ms).trim().split(/\s+/);
-  if (!starts || starts.length !== listed.length + 1) return `code ${listed.join(" ")}\u202fms`;
+  const inList = String(row.gaps_ms).trim().split(/\s+/);
+  if (!starts || starts.length !== inList.length + 1) return t("fly.code", { gaps: verbatim(inList.join(" ")) });
   const gaps = starts.slice(1).map((start, place) => ((start - starts[place]!) / 1e6).toFixed(1));
-  return `gaps ${gaps.join(" ")}\u202fms`;
+  return t("fly.gaps", { gaps: verbatim(gaps.join(" ")) });
 }
 
-function nominal(row: TagRow | undefined): string {
-  const code = row?.gaps_ms ? ` · code ${row.gaps_ms}\u202fms` : "";
-  return row ? `${row.frequency_mhz}\u202fMHz · every ${row.interval_ms}\u202fms${code}` : "";
+function nominal(row: TagRow | undefined): Words {
+  if (!row) return listed();
+  return listed(
+    t("fly.frequency", { frequency: verbatim(row.frequency_mhz!) }),
+    t("fly.every", { interval: verbatim(row.interval_ms!) }),
+    !!row.gaps_ms && t("fly.code", { gaps: verbatim(row.gaps_ms) }),
+  );
 }
 
 /** Of a past flight nothing is live: a tag was heard by then, or not. */
-function freshWord(state: Freshness): string {
-  if (store.review) return state === "never" ? "not detected" : "detected";
-  return { live: "live", stale: "stale", lost: "detector lost", never: "not detected" }[state];
+function freshWord(state: Freshness): Words {
+  if (state === "never") return t("fly.not_detected");
+  if (store.review) return t("fly.detected");
+  return { live: t("fly.live"), stale: t("fly.stale"), lost: t("fly.detector_lost") }[state];
 }
 
 function freshness(id: number, age: number, row: TagRow | undefined): Freshness {

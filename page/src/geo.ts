@@ -1,5 +1,7 @@
 /** Directions and distances over a few kilometres. */
 
+import { t, type Words } from "./i18n";
+
 const EARTH_M = 6_371_008.8;
 
 export type LonLat = [number, number];
@@ -37,10 +39,19 @@ export function bearingDeg(a: LonLat, b: LonLat): number {
   return ((Math.atan2(y, x) / rad) % 360 + 360) % 360;
 }
 
-const WORDS = ["north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west"];
+const DIRECTIONS = [
+  t("compass.north"),
+  t("compass.north_east"),
+  t("compass.east"),
+  t("compass.south_east"),
+  t("compass.south"),
+  t("compass.south_west"),
+  t("compass.west"),
+  t("compass.north_west"),
+];
 
-export function compass(deg: number): string {
-  return WORDS[Math.round(deg / 45) % 8]!;
+export function compass(deg: number): Words {
+  return DIRECTIONS[Math.round(deg / 45) % 8]!;
 }
 
 /** A filled wedge: the arc clockwise from one direction to another. */

@@ -2,6 +2,7 @@
 
 import type { GeoJSONSource, Map as MapLibre } from "maplibre-gl";
 import { h, say } from "./dom";
+import { verbatim } from "./i18n";
 
 const STEPS_DEG = [
   30, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001,
@@ -148,7 +149,7 @@ export class Graticule {
       const known = this.labels.children[place] as HTMLElement | undefined;
       const element = known ?? this.labels.appendChild(h("span", {}));
       if (element.className !== kind) element.className = kind;
-      say(element, text);
+      say(element, verbatim(text));
       element.style.transform = `translate(${x}px, ${y}px)`;
     });
     while (this.labels.children.length > texts.length) this.labels.lastChild!.remove();

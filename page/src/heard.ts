@@ -2,6 +2,8 @@
 
 import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
+import { fixed, percent } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import type { HeardMap, MapAnswer } from "./types";
 
 const AGAIN_MS = 700;
@@ -9,7 +11,7 @@ const AGAIN_MS = 700;
 /** How far a map is, and why there is none; the ids begin with its name. */
 export function heardElements(name: string): HTMLElement[] {
   return [
-    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": "Progress of the map" }),
+    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": t("heard.progress") }),
     h("p", { id: `${name}-fault`, class: "fault-line", role: "alert" }),
   ];
 }
@@ -32,7 +34,7 @@ export async function askForMap<Made extends HeardMap>(name: string, path: strin
     for (let again = false; ; again = true) {
       const answer = await send<MapAnswer<Made>>("POST", path, { ...question, again });
       if (!wanted()) return null;
-      if (answer.state === "failed") throw new ApiError(answer.error, 500);
+      if (answer.state === "failed") throw new ApiError(fromServer(answer.error), 500);
       if (answer.state === "done") {
         made = answer;
         break;
@@ -50,19 +52,19 @@ export async function askForMap<Made extends HeardMap>(name: string, path: strin
 }
 
 /** Say what a map shows, below its colours; notes, then what it does not hold for. */
-export function tellHeard(name: string, map: HeardMap, notes: string[]): void {
-  const percent = (value: number | null) => (value === null ? "unknown" : `${Math.round(100 * value)}\u202f%`);
+export function tellHeard(name: string, map: HeardMap, notes: Words[]): void {
+  const shareOf = (value: number | null) => (value === null ? t("heard.unknown") : percent(value));
   fill(
     by(`${name}-status`),
-    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": "From dark blue (not detected) to yellow (always detected)" }),
+    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": t("heard.ramp") }),
     h(
       "p",
       {},
-      h("span", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of ${map.known_km2.toFixed(1)}\u202fkm².`),
-      " ",
-      h("span", {}, "Blue: not detected. Yellow: always detected."),
+      h("span", {}, t("heard.summary", { mean: shareOf(map.mean_probability), share: shareOf(map.share_above_90), area: fixed(map.known_km2, 1) })),
+      verbatim(" "),
+      h("span", {}, t("heard.colours")),
     ),
-    ...[...notes, ...map.limitations].map((text) => h("p", { class: "note" }, text)),
+    ...[...notes, ...map.limitations.map(fromServer)].map((words) => h("p", { class: "note" }, words)),
   );
 }
 

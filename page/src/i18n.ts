@@ -1,18 +1,23 @@
 /**
- * The page's language. Texts are English in the code and in what the server says; the catalogue,
- * `texts.json`, has each in German, with {} for what is put in. What elements show passes through
- * here (`dom.ts`), so that a text cannot forget it. What people or instruments have named is in
- * elements with translate="no".
+ * The page's language. Each text of the page has an id, and each language is a file in `texts/`:
+ * id → text with {named} gaps. Elements take `Words` only (`dom.ts`), so that a text without an
+ * id, or one built from pieces, does not compile. The server speaks English: what it says is
+ * found by its form in `server_texts.json` (id → English, {} for what is put in), and shown by id.
  */
 
-import german from "./texts.json";
+import english from "./texts/en.json";
 
-/** Each names itself. */
-export const LANGUAGES: [string, string][] = [
-  ["en", "English"],
-  ["de", "Deutsch"],
-];
-const CATALOGUES: Record<string, Record<string, string>> = { de: german };
+export type TextId = keyof typeof english;
+declare const chosenLanguage: unique symbol;
+/** What can be shown: text in the chosen language, a name, or a number. */
+export type Words = string & { readonly [chosenLanguage]: true };
+export type Gaps = Record<string, Words | number>;
+type Texts = Record<string, string>;
+
+const FILES = import.meta.glob<Texts>(["./texts/*.json", "!./texts/en.json"], { import: "default" });
+const FILE_OF = new Map(Object.entries(FILES).map(([path, load]) => [path.slice("./texts/".length, -".json".length), load]));
+/** Code and own name of each. */
+export const LANGUAGES: [string, Words][] = ["en", ...FILE_OF.keys()].map((code) => [code, verbatim(new Intl.DisplayNames(code, { type: "language" }).of(code)!)]);
 const KEPT_MOST = 5000;
 /** Two words in a row: a sentence, not a number and hardly a name. */
 const SAID = /\p{L}{2} \p{Ll}{2}/u;
@@ -36,25 +41,37 @@ interface Pattern {
 }
 
 export const language = chosen();
-const catalogue = CATALOGUES[language];
-const whole = new Map(Object.entries(catalogue ?? {}).map(([text, words]) => [plain(text), words]));
-const patterns = Object.entries(catalogue ?? {})
+const [texts, serverTexts] = await load(language);
+const known = Object.entries(serverTexts).flatMap(([id, text]) => (texts[id] === undefined ? [] : [[text, texts[id]] as const]));
+const whole = new Map(known.map(([text, words]) => [plain(text), words]));
+const patterns = known
   .filter(([text]) => text.includes("{}"))
   .sort(([a], [b]) => bare(b).length - bare(a).length)
   .map(([text, words]): Pattern => ({ form: pattern(text), words, quotes: quotes(text) }));
 const kept = new Map<string, string>();
-/** What stayed as it was for want of words, a whole text or a part of one; a test looks at it. */
+/** What the server said that stayed as it was for want of words; a test looks at it. */
 export const missing = new Set<string>();
 
 function chosen(): string {
-  const known = LANGUAGES.map(([name]) => name);
-  let wanted = navigator.languages.map((one) => one.slice(0, 2)).find((one) => known.includes(one)) ?? "en";
+  const codes = LANGUAGES.map(([code]) => code);
+  let wanted = navigator.languages.map((one) => one.slice(0, 2)).find((one) => codes.includes(one)) ?? "en";
   try {
     wanted = localStorage.getItem("language") ?? wanted;
   } catch {
     // Private windows keep nothing; the browser's language will do.
   }
-  return known.includes(wanted) ? wanted : "en";
+  return codes.includes(wanted) ? wanted : "en";
+}
+
+/** Texts of a language, and the English that the server speaks; English needs neither. */
+async function load(code: string): Promise<[Texts, Texts]> {
+  const file = FILE_OF.get(code);
+  try {
+    if (file) return await Promise.all([file(), import("./server_texts.json").then((found): Texts => found.default)]);
+  } catch {
+    // The server went away: a page in English is better than none.
+  }
+  return [english, {}];
 }
 
 /** Keep the choice, and show the page in it. */
@@ -67,16 +84,31 @@ export function choose(name: string): void {
   location.reload();
 }
 
-/** A text in the chosen language; as it is where there are no words for it. */
-export function translated(text: string): string {
-  if (!catalogue) return text;
-  const known = kept.get(text);
-  if (known !== undefined) return known;
+/** The page's text with this id, in the chosen language, its gaps filled. */
+export function t(id: TextId, gaps: Gaps = {}): Words {
+  return filled(texts[id] ?? english[id], gaps);
+}
+
+/** A name, a number or a sign: the same in all languages. */
+export function verbatim(text: string | number): Words {
+  return String(text) as Words;
+}
+
+/** Facts in a row. */
+export function listed(...facts: (Words | "" | null | false | undefined)[]): Words {
+  return facts.filter(Boolean).join(" · ") as Words;
+}
+
+/** What the server says, in the chosen language; as it is where there are no words for it. */
+export function fromServer(text: string): Words {
+  if (!known.length) return verbatim(text);
+  const before = kept.get(text);
+  if (before !== undefined) return verbatim(before);
   const found = find(text) ?? { words: text, left: remainder(text) };
   for (const rest of found.left) missing.add(rest);
   if (kept.size > KEPT_MOST) kept.clear();
   kept.set(text, found.words);
-  return found.words;
+  return verbatim(found.words);
 }
 
 function find(text: string): Found | null {
@@ -125,7 +157,8 @@ function gapsFilled(one: Pattern, parts: string[]): Found | null {
   const found = parts.map((part) => find(part) ?? { words: part, left: SAID.test(part) || SENTENCE_END.test(part) ? [part] : [] });
   const strange = found.some(({ left }, place) => left.some((rest) => SENTENCE_END.test(rest) || (!one.quotes[place] && CLAUSE.test(rest))));
   if (strange) return null;
-  return { words: filled(one.words, found.map(({ words }) => words)), left: found.flatMap(({ left }) => left) };
+  const gaps = Object.fromEntries(found.map(({ words }, place) => [String(place + 1), verbatim(words)]));
+  return { words: filled(one.words, gaps), left: found.flatMap(({ left }) => left) };
 }
 
 function remainder(text: string): string[] {
@@ -151,7 +184,6 @@ function pattern(text: string): RegExp {
   return new RegExp(`^${escaped.replaceAll("{}{}{}", "{}<><>").replaceAll("{}{}", "{}<>").replaceAll("<>", "((?:, .*?)?)").replaceAll("{}", "(.*?)")}$`, "su");
 }
 
-function filled(words: string, parts: string[]): string {
-  let next = 0;
-  return words.replace(/\{\}/g, () => parts[next++] ?? "");
+function filled(words: string, gaps: Gaps): Words {
+  return verbatim(words.replace(/\{(\w+)\}/g, (gap, name: string) => String(gaps[name] ?? gap)));
 }

@@ -3,6 +3,8 @@
 import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
 import { by, fill, h } from "./dom";
 import { get, reasonOf, upload } from "./api";
+import { fixed } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { toggleMe } from "./tap";
 import type { FlightMap } from "./view";
@@ -18,11 +20,11 @@ export function legend(): HTMLElement {
   ramp.style.background = `linear-gradient(to right, ${gradient().join(",")})`;
   return h(
     "div",
-    { class: "legend", role: "img", "aria-label": `Pulse strength from ${SNR_LOW} to ${SNR_HIGH} decibel` },
-    h("span", {}, `${SNR_LOW}`),
+    { class: "legend", role: "img", "aria-label": t("layers.strength_ramp", { low: SNR_LOW, high: SNR_HIGH }) },
+    h("span", {}, SNR_LOW),
     ramp,
-    h("span", {}, `${SNR_HIGH}\u202fdB`),
-    h("span", { id: "legend-on-board", class: "legend-on-board", hidden: true }, "bearing from the drone"),
+    h("span", {}, fixed(SNR_HIGH, 0, "dB")),
+    h("span", { id: "legend-on-board", class: "legend-on-board", hidden: true }, t("layers.drones_bearing")),
   );
 }
 
@@ -33,14 +35,14 @@ export function drawLegend(): void {
 
 export function layerBox(made: FlightMap): HTMLElement {
   view = made;
-  const names: [keyof Layers, string][] = [
-    ["track", "Track"],
-    ["pulses", "Pulses"],
-    ["rose", "Pulse rose"],
-    ["bearings", "Bearings, 90\u202f%"],
-    ["regions", "Position, 50/95\u202f%"],
-    ["strength", "Strongest signal"],
-    ["hindsight", "Whole flight"],
+  const names: [keyof Layers, Words][] = [
+    ["track", t("layers.track")],
+    ["pulses", t("common.pulses")],
+    ["rose", t("layers.pulse_rose")],
+    ["bearings", t("layers.bearings")],
+    ["regions", t("layers.position")],
+    ["strength", t("layers.strongest_signal")],
+    ["hindsight", t("layers.whole_flight")],
   ];
   const boxes = names.map(([name, label]) => {
     const box = h("input", {
@@ -54,20 +56,20 @@ export function layerBox(made: FlightMap): HTMLElement {
   return h(
     "details",
     { class: "layers", ontoggle: offerHeights },
-    h("summary", {}, "Layers"),
+    h("summary", {}, t("layers.title")),
     ...boxes,
-    h("label", { id: "heights-label", class: "basemap", hidden: true }, "Heights", h("select", { id: "heights", onchange: chooseHeights })),
-    h("label", { class: "basemap" }, "Map", h("select", { id: "basemap" }, h("option", { value: "" }, "none (grid)"))),
+    h("label", { id: "heights-label", class: "basemap", hidden: true }, t("layers.heights"), h("select", { id: "heights", onchange: chooseHeights })),
+    h("label", { class: "basemap" }, t("layers.map"), h("select", { id: "basemap" }, h("option", { value: "" }, t("layers.no_map")))),
     h(
       "div",
       { class: "layer-actions" },
-      h("button", { id: "fit", onclick: () => view.fit() }, "Whole flight"),
-      h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, "Follow"),
-      h("button", { id: "me", onclick: (event: Event) => toggleMe(event.currentTarget as HTMLElement), "aria-pressed": "false" }, "My position"),
+      h("button", { id: "fit", onclick: () => view.fit() }, t("layers.whole_flight")),
+      h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, t("layers.follow")),
+      h("button", { id: "me", onclick: (event: Event) => toggleMe(event.currentTarget as HTMLElement), "aria-pressed": "false" }, t("layers.my_position")),
     ),
     h("div", { class: "layer-actions" }, mapImport()),
-    h("p", { class: "note map-note" }, "A map is a .mbtiles or .pmtiles file, made once with internet: see \u201cMaps without internet\u201d in the manual."),
-    h("label", { class: "check" }, plainBox(), "Plain map (weak tablets)"),
+    h("p", { class: "note map-note" }, t("layers.map_note")),
+    h("label", { class: "check" }, plainBox(), t("layers.plain_map")),
   );
 }
 
@@ -81,9 +83,9 @@ export function offerHeights(): void {
   const select = by("heights") as HTMLSelectElement;
   fill(
     select,
-    h("option", { value: "" }, "all"),
+    h("option", { value: "" }, t("layers.all_heights")),
     ...bands.map(([low, high], number) =>
-      h("option", { value: String(number) }, `${Math.round(low)}–${Math.round(high)}\u202fm`),
+      h("option", { value: String(number) }, verbatim(`${Math.round(low)}–${Math.round(high)}\u202fm`)),
     ),
   );
   const chosen = bands.findIndex(([low, high]) => low === store.heights?.[0] && high === store.heights[1]);
@@ -110,8 +112,8 @@ export function offerMaps(choices: Choices): void {
   const select = by("basemap") as HTMLSelectElement;
   fill(
     select,
-    h("option", { value: "" }, "none (grid)"),
-    ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null, translate: "no" }, file.fault ? `${file.name}: ${file.fault}` : file.name)),
+    h("option", { value: "" }, t("layers.no_map")),
+    ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null, translate: "no" }, file.fault ? t("layers.map_fault", { map: verbatim(file.name), fault: fromServer(file.fault) }) : verbatim(file.name))),
   );
   const choose = (name: string) => {
     select.value = name;
@@ -127,19 +129,19 @@ export function offerMaps(choices: Choices): void {
 
 function mapImport(): HTMLElement {
   const input = h("input", { id: "map-import", type: "file", accept: ".mbtiles,.pmtiles", onchange: () => void bring(input) });
-  return h("label", { class: "file" }, "Add a map", input);
+  return h("label", { class: "file" }, t("layers.add_map"), input);
 }
 
 async function bring(input: HTMLInputElement): Promise<void> {
   const file = input.files?.[0];
   input.value = "";
   if (!file) return;
-  toast(`${file.name}: being copied`, 6);
+  toast(t("layers.map_copying", { map: verbatim(file.name) }), 6);
   try {
     await upload(`/maps/${encodeURIComponent(file.name)}`, file);
     remember("map", file.name);
     offerMaps(await get<Choices>("/choices"));
-    toast(`${file.name}: here`, 6);
+    toast(t("layers.map_here", { map: verbatim(file.name) }), 6);
   } catch (error) {
     toast(reasonOf(error), 4);
   }

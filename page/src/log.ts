@@ -2,31 +2,42 @@
 
 import { by, fill, h, say } from "./dom";
 import { clock, dateTime } from "./format";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 
-const SEVERITIES = ["emergency", "alert", "critical", "error", "warning", "notice", "info", "debug"];
+const SEVERITIES = [
+  t("log.emergency"),
+  t("log.alert"),
+  t("log.critical"),
+  t("log.error"),
+  t("log.warning"),
+  t("log.notice"),
+  t("log.info"),
+  t("log.debug"),
+];
+const SOURCES: Record<string, Words> = { drone: t("log.drone"), acknowledgement: t("log.acknowledgement"), ground: t("log.ground") };
 const SHOWN = 500;
 
 let shown = false;
 let seen = 0;
 
 export function buildLog(): void {
-  const text = h("input", { id: "log-text", type: "search", placeholder: "Text", "aria-label": "Text to search for", oninput: draw });
-  const severity = h("select", { id: "log-severity", "aria-label": "At least as severe as", onchange: draw },
-    ...[["7", "everything"], ["6", "info"], ["5", "notices"], ["4", "warnings"], ["3", "errors"]].map(([value, label]) =>
-      h("option", { value, selected: value === "6" }, label),
+  const text = h("input", { id: "log-text", type: "search", placeholder: t("log.text"), "aria-label": t("log.text_hint"), oninput: draw });
+  const severity = h("select", { id: "log-severity", "aria-label": t("log.severity"), onchange: draw },
+    ...([["7", t("log.everything")], ["6", t("log.info_at_least")], ["5", t("log.notices")], ["4", t("log.warnings")], ["3", t("log.errors")]] as const).map(
+      ([value, label]) => h("option", { value, selected: value === "6" }, label),
     ),
   );
-  const source = h("select", { id: "log-source", "aria-label": "From", onchange: draw },
-    ...[["", "from all"], ["drone", "the drone"], ["acknowledgement", "acknowledgements"], ["ground", "this station"]].map(
+  const source = h("select", { id: "log-source", "aria-label": t("log.source"), onchange: draw },
+    ...([["", t("log.from_all")], ["drone", t("log.from_drone")], ["acknowledgement", t("log.acknowledgements")], ["ground", t("log.from_station")]] as const).map(
       ([value, label]) => h("option", { value }, label),
     ),
   );
   fill(
     by("view-log"),
     h("div", { class: "toolbar" }, text, severity, source, h("span", { id: "log-count", class: "note" })),
-    h("div", { id: "log-lines", class: "log-lines", role: "log", "aria-label": "Log", tabindex: "0" }),
+    h("div", { id: "log-lines", class: "log-lines", role: "log", "aria-label": t("common.log"), tabindex: "0" }),
   );
   store.on(["log", "reset"], () => {
     announce();
@@ -44,7 +55,7 @@ function announce(): void {
   const last = store.log.at(-1)?.number ?? 0;
   if (seen > 0) {
     for (const line of store.log) {
-      if ((line.number ?? 0) > seen && line.severity <= 4) toast(line.text, line.severity);
+      if ((line.number ?? 0) > seen && line.severity <= 4) toast(fromServer(line.text), line.severity);
     }
   }
   seen = last || seen || 1;
@@ -70,12 +81,12 @@ function draw(): void {
         "div",
         { class: `log-line severity-${line.severity}` },
         h("time", { title: dateTime(line.time_ns) }, clock(line.time_ns)),
-        h("span", { class: "log-kind" }, SEVERITIES[line.severity] ?? String(line.severity)),
-        h("span", { class: "log-source" }, line.source),
-        h("span", { class: "log-said", translate: "no" }, line.text),
+        h("span", { class: "log-kind" }, SEVERITIES[line.severity] ?? line.severity),
+        h("span", { class: "log-source" }, SOURCES[line.source] ?? verbatim(line.source)),
+        h("span", { class: "log-said", translate: "no" }, verbatim(line.text)),
       ),
     ),
-    latest.length ? null : h("p", { class: "empty" }, "No matching lines."),
+    latest.length ? null : h("p", { class: "empty" }, t("log.no_lines")),
   );
-  say(by("log-count"), `${found.length} of ${lines.length} lines, newest first, times UTC`);
+  say(by("log-count"), t("log.count", { found: found.length, lines: lines.length }));
 }

@@ -4,11 +4,11 @@ import "maplibre-gl/dist/maplibre-gl.css";
 import { buildCheck, showCheck } from "./check";
 import { act, buildFly, mapView } from "./fly";
 import { send } from "./api";
-import { drawVehicles, unserved } from "./vehicles";
+import { fromServer, language, listed, missing, t, verbatim, type Words } from "./i18n";
+import { drawVehicles, STATES, unserved } from "./vehicles";
 import { append, by, fill, h, say } from "./dom";
 import { all, buildFlights } from "./flights";
-import { dateTime, fixed, span } from "./format";
-import { language, missing, translated } from "./i18n";
+import { dateTime, fixed, percent, span } from "./format";
 import { motionBar } from "./motion";
 import { buildLog, showLog } from "./log";
 import { buildPlots, recolourPlots, showPlots } from "./plots";
@@ -18,21 +18,14 @@ import { store } from "./store";
 import type { State } from "./types";
 import { offerSetUp } from "./wizard";
 
-const VIEWS: [string, string][] = [
-  ["fly", "Fly"],
-  ["plots", "Plots"],
-  ["setup", "Set-up"],
-  ["log", "Log"],
-  ["flights", "Flights"],
-  ["check", "Check"],
+const VIEWS: [string, Words][] = [
+  ["fly", t("common.fly")],
+  ["plots", t("main.plots")],
+  ["setup", t("main.set_up")],
+  ["log", t("common.log")],
+  ["flights", t("common.flights")],
+  ["check", t("main.check")],
 ];
-const STATES: Record<string, string> = {
-  idle: "Idle",
-  receiving_tags: "Receiving tags",
-  has_tags: "Ready",
-  detecting: "Detecting",
-  capturing: "Capturing",
-};
 
 function buildHeader(): void {
   const tabs = VIEWS.map(([name, label], place) =>
@@ -49,7 +42,7 @@ function buildHeader(): void {
       label,
     ),
   );
-  const list = h("div", { class: "tabs", role: "tablist", "aria-label": "Views" }, ...tabs);
+  const list = h("div", { class: "tabs", role: "tablist", "aria-label": t("main.views") }, ...tabs);
   list.addEventListener("keydown", (event) => {
     const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
     if (!step) return;
@@ -59,18 +52,18 @@ function buildHeader(): void {
     next.click();
   });
   append(by("top"), [
-    h("h1", { class: "brand", translate: "no" }, "uavrt"),
+    h("h1", { class: "brand", translate: "no" }, verbatim("uavrt")),
     list,
     h(
       "div",
-      { class: "chips", role: "group", "aria-label": "State" },
-      h("nav", { id: "vehicles", class: "vehicles", "aria-label": "Vehicles", hidden: true }),
-      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, "View only: take command"),
+      { class: "chips", role: "group", "aria-label": t("main.state") },
+      h("nav", { id: "vehicles", class: "vehicles", "aria-label": t("main.vehicles"), hidden: true }),
+      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, t("main.take_command")),
       h(
         "div",
         { class: "states" },
         h("span", { id: "chip-state", class: "chip" }),
-        h("span", { id: "chip-computer", class: "chip", title: "Processor load of the drone's computer" }),
+        h("span", { id: "chip-computer", class: "chip", title: t("main.computer_hint") }),
         h("span", { id: "chip-link", class: "chip" }),
         h("span", { id: "chip-drone", class: "chip" }),
         h("span", { id: "chip-flight", class: "chip" }),
@@ -79,8 +72,8 @@ function buildHeader(): void {
     h(
       "div",
       { class: "tools" },
-      h("button", { id: "voice", class: "tool", "aria-pressed": "false", title: "Speak warnings (V)", onclick: toggleVoice }, "Voice"),
-      h("button", { id: "theme", class: "tool", title: "Dark or light (D)", onclick: toggleTheme }, document.documentElement.dataset.theme === "dark" ? "Light" : "Dark"),
+      h("button", { id: "voice", class: "tool", "aria-pressed": "false", title: t("main.voice_hint"), onclick: toggleVoice }, t("main.voice")),
+      h("button", { id: "theme", class: "tool", title: t("main.theme_hint"), onclick: toggleTheme }, document.documentElement.dataset.theme === "dark" ? t("main.light") : t("main.dark")),
     ),
   ]);
 }
@@ -106,43 +99,56 @@ function drawHeader(): void {
   const silent = store.online && !store.review && droneSilent(state);
   const others = store.online && !!state && (state.drone.foreign || (!state.drone.present && unserved().length > 0));
   offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent && !others;
-  if (!store.online) say(offline, "The ground station does not answer. Received data are safe; this page reconnects by itself.");
-  else if (state?.flight.fault) say(offline, state.flight.fault);
-  else if (state?.connection.error) say(offline, state.connection.error);
+  if (!store.online) say(offline, t("main.station_silent"));
+  else if (state?.flight.fault) say(offline, fromServer(state.flight.fault));
+  else if (state?.connection.error) say(offline, fromServer(state.connection.error));
   else if (others && state) drawOthers(offline, state);
-  else if (silent) say(offline, "No contact with the drone. It keeps recording and sends when contact returns.");
-  else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `; dashed: flight of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
+  else if (silent) say(offline, t("main.no_contact"));
+  else if (store.review) say(offline, pastFlight(store.review, store.other));
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
   drawVehicles();
   by("take-command").hidden = !store.looksOn();
-  const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone connected") : "No drone";
+  const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? t("main.drone_connected")) : t("main.no_drone");
   chip("state", mode, state.drone.present ? (state.drone.state === "detecting" ? "live" : "good") : "bad");
   const loss = state.link.loss;
   const delay = state.link.round_trip_s;
-  const radio = state.link.radio ? ` · radio ${state.link.radio.rssi}/${state.link.radio.remote_rssi}` : "";
-  const link = loss === null ? "no link" : `loss ${fixed(loss * 100, 0, "%")} · ${fixed(delay === null ? null : delay * 1000, 0, "ms")}${radio}`;
+  const radio = state.link.radio;
+  const link = loss === null
+    ? t("main.no_link")
+    : listed(
+        t("main.loss", { share: percent(loss) }),
+        fixed(delay === null ? null : delay * 1000, 0, "ms"),
+        radio && t("main.radio", { here: radio.rssi, there: radio.remote_rssi }),
+      );
   chip("link", link, loss === null ? "bad" : loss > 0.25 ? "warn" : "good");
   // The drone flies on while a past flight is looked at.
   const pose = store.review ? state.vehicle : store.pose;
-  const battery = state.battery_percent === null ? "" : ` · ${state.battery_percent}\u202f%`;
-  chip("drone", pose ? `${fixed(pose.altitude_relative_m, 0, "m")} · ${fixed(pose.heading_deg, 0)}°${battery}` : "no position", pose ? "good" : "warn");
+  const battery = state.battery_percent === null ? "" : fixed(state.battery_percent, 0, "%");
+  const place = pose ? listed(fixed(pose.altitude_relative_m, 0, "m"), verbatim(`${fixed(pose.heading_deg, 0)}°`), battery) : t("main.no_position");
+  chip("drone", place, pose ? "good" : "warn");
   const flight = state.flight;
-  const length = (store.nowNs() - flight.start_time_ns) / 1e9;
-  chip("flight", flight.flight_id ? `${flight.ended ? "ended" : span(length)} · ${flight.pulses} pulses` : "no flight", flight.flight_id && !flight.ended ? "live" : "");
+  const length = flight.ended ? t("main.ended") : span((store.nowNs() - flight.start_time_ns) / 1e9);
+  const pulses = t("common.pulse_count", { pulses: flight.pulses });
+  chip("flight", flight.flight_id ? listed(length, pulses) : t("main.no_flight"), flight.flight_id && !flight.ended ? "live" : "");
   const warm = state.drone.cpu_temperature_c;
   by("chip-computer").hidden = warm === null;
   // A Raspberry Pi 5 slows itself down from 80 °C on, and more from 85 °C on.
   if (warm !== null) chip("computer", fixed(warm, 0, "°C"), warm >= 85 ? "bad" : warm >= 75 ? "warn" : "good");
 }
 
+function pastFlight(review: NonNullable<typeof store.review>, other: typeof store.other): Words {
+  const start = dateTime(review.start_time_ns);
+  return other ? t("main.past_flight_and_other", { start, other: dateTime(other.summary.start_time_ns) }) : t("main.past_flight", { start });
+}
+
 /** Another vehicle is heard: it is named, and taken only when the operator says so. */
 function drawOthers(banner: HTMLElement, state: State): void {
-  const ours = state.drone.system_id;
-  const choices = state.drone.foreign ? [ours!] : unserved();
+  const ours = state.drone.system_id ?? 0;
+  const choices = state.drone.foreign ? [ours] : unserved();
   const text = state.drone.foreign
-    ? `Another autopilot answers as vehicle ${ours}. Give each a number of its own (MAV_SYS_ID).`
-    : `No contact with vehicle ${ours}. This page stays with it.`;
+    ? t("main.foreign_autopilot", { number: ours })
+    : t("main.no_contact_with_vehicle", { number: ours });
   const key = `${text}${choices.join()}`;
   if (banner.dataset.key === key && banner.querySelector("button")) return;
   banner.dataset.key = key;
@@ -153,7 +159,7 @@ function drawOthers(banner: HTMLElement, state: State): void {
       h(
         "button",
         { class: "take-vehicle", "data-vehicle": number, onclick: () => void send("POST", "/vehicle", { system_id: number }) },
-        state.drone.foreign ? "Use this one" : `Change to vehicle ${number}`,
+        state.drone.foreign ? t("main.use_this_vehicle") : t("main.change_to_vehicle", { number }),
       ),
     ),
   );
@@ -164,9 +170,9 @@ function droneSilent(state: State | null): boolean {
   return !!state?.connection.open && !state.drone.present && !!state.flight.flight_id && !state.flight.ended;
 }
 
-function chip(name: string, text: string, kind: string): void {
+function chip(name: string, words: Words, kind: string): void {
   const element = by(`chip-${name}`);
-  say(element, text);
+  say(element, words);
   element.className = `chip ${kind}`;
 }
 
@@ -181,7 +187,7 @@ function setTheme(chosen: string): void {
   } catch {
     // Private windows keep nothing; it is only a colour.
   }
-  say(by("theme"), chosen === "dark" ? "Light" : "Dark");
+  say(by("theme"), chosen === "dark" ? t("main.light") : t("main.dark"));
   mapView().recolour();
   recolourPlots();
   store.emit("selection"); // the tags' colours are others
@@ -220,8 +226,8 @@ try {
 // Before the map is made: its ground has the theme's colour.
 document.documentElement.dataset.theme = theme;
 document.documentElement.lang = language;
-document.title = translated(document.title);
-say(document.querySelector(".skip")!, "Skip to the view");
+document.title = t("main.title");
+say(document.querySelector(".skip")!, t("main.skip"));
 buildHeader();
 by("banner").after(motionBar());
 buildFly(show);
@@ -234,9 +240,9 @@ store.on(["state", "online", "pose", "reset", "other"], drawHeader);
 document.addEventListener("keydown", keys);
 const wanted = location.hash.slice(1);
 show(VIEWS.some(([name]) => name === wanted) ? wanted : "fly");
-fill(by("banner"), "Connecting …");
+fill(by("banner"), t("main.connecting"));
 by("banner").hidden = false;
 store.connect();
 void offerSetUp();
 // For the tests, which look at the map's frames.
-(window as unknown as { uavrt: unknown }).uavrt = { store, translated, missing, map: () => (mapView() as unknown as { map: unknown }).map };
+(window as unknown as { uavrt: unknown }).uavrt = { store, fromServer, missing, map: () => (mapView() as unknown as { map: unknown }).map };

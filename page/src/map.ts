@@ -1,6 +1,5 @@
 /** The map: whatever file the user has below it, or none, and everything of the flight on it. */
 
-import { translated } from "./i18n";
 import {
   AttributionControl,
   GeoJSONSource,
@@ -32,6 +31,7 @@ import {
 import type { LonLat } from "./geo";
 import { Graticule } from "./graticule";
 import { vectorLayers } from "./basemap";
+import { t } from "./i18n";
 import { droneElement, fixElement, markElement, max, meElement, min, onBoardElement, otherElement, rgb, roseElement } from "./markers";
 import { AT_FIRST, type Layers, WARM, WARM_MS, addFlightLayers, blank, dark, ground } from "./maplayers";
 import { Pace } from "./pace";
@@ -96,6 +96,11 @@ export class MapView implements FlightMap {
       center: [0, 20],
       zoom: 1.2,
       attributionControl: false,
+      locale: {
+        "NavigationControl.ZoomIn": t("map.zoom_in"),
+        "NavigationControl.ZoomOut": t("map.zoom_out"),
+        "NavigationControl.ResetBearing": t("map.reset_bearing"),
+      },
       dragRotate: true,
       fadeDuration: 0,
       maxPitch: 0,
@@ -114,7 +119,7 @@ export class MapView implements FlightMap {
     });
     this.map.on("click", (event) => this.onTap({ at: [event.lngLat.lng, event.lngLat.lat], x: event.point.x, y: event.point.y }));
     const canvas = this.map.getCanvas();
-    canvas.setAttribute("aria-label", translated("Map of the flight. Enter taps its middle"));
+    canvas.setAttribute("aria-label", t("common.map_label"));
     canvas.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
       const [at, size] = [this.map.getCenter(), canvas.getBoundingClientRect()];
@@ -407,7 +412,7 @@ export class MapView implements FlightMap {
 
   private drawStrongest(all: boolean): void {
     const best = store.selected === null ? null : strongestSignal(store.selected);
-    const label = "strongest signal";
+    const label = t("map.strongest_signal");
     if (this.strength.visible) this.strength.draw(all);
     this.put("strongest", collection(best === null ? [] : [point(best, { label })]));
   }

@@ -2,6 +2,7 @@
 
 import { snrColour, tagColour } from "./colour";
 import { h, svg } from "./dom";
+import { t, verbatim, type Words } from "./i18n";
 import { store } from "./store";
 import type { BearingRecord, PositionRecord } from "./types";
 
@@ -11,7 +12,7 @@ const SILENCE_PX = 12;
 export function droneElement(): HTMLElement {
   const shape = svg(
     "svg",
-    { viewBox: "-16 -16 32 32", width: 34, height: 34, role: "img", "aria-label": "Drone" },
+    { viewBox: "-16 -16 32 32", width: 34, height: 34, role: "img", "aria-label": t("common.drone") },
     svg("path", { d: "M0 -13 L9 11 L0 6 L-9 11 Z", class: "drone-shape" }),
   );
   const element = h("div", { class: "drone-marker" });
@@ -20,7 +21,7 @@ export function droneElement(): HTMLElement {
 }
 
 /** Another vehicle of this station: smaller, with its name. */
-export function otherElement(heading: number, name: string): HTMLElement {
+export function otherElement(heading: number, name: Words): HTMLElement {
   const shape = svg(
     "svg",
     { viewBox: "-16 -16 32 32", width: 24, height: 24, role: "img", "aria-label": name },
@@ -48,7 +49,7 @@ export function roseElement(one: BearingRecord): HTMLElement {
     if (value === null) shapes.push(svg("path", { d: path, class: "rose-silence" }));
     else shapes.push(svg("path", { d: path, fill: snrColour(value), class: "rose-petal" }));
   });
-  const label = `Pulse rose of turn ${one.turn + 1}, bearing ${Math.round(one.bearing_deg)} degrees`;
+  const label = t("markers.rose", { turn: one.turn + 1, bearing: Math.round(one.bearing_deg) });
   const element = h("div", { class: "rose", role: "img", "aria-label": label });
   element.appendChild(
     svg("svg", { viewBox: `${-half} ${-half} ${ROSE_PX} ${ROSE_PX}`, width: ROSE_PX, height: ROSE_PX }, ...shapes),
@@ -71,16 +72,16 @@ function listenedIn(one: BearingRecord): Set<number> {
 }
 
 export function markElement(text: string): HTMLElement {
-  return h("div", { class: "mark-place", title: text }, h("span", { class: "mark-flag" }, "⚑"), text ? h("span", { class: "fix-name", translate: "no" }, text) : null);
+  return h("div", { class: "mark-place", title: verbatim(text) }, h("span", { class: "mark-flag" }, verbatim("⚑")), text ? h("span", { class: "fix-name", translate: "no" }, verbatim(text)) : null);
 }
 
 export function meElement(): HTMLElement {
-  return h("div", { class: "me", role: "img", "aria-label": "You" });
+  return h("div", { class: "me", role: "img", "aria-label": t("markers.you") });
 }
 
 /** In place of a rose, where the drone sent a bearing without its pulses: a square, with its ray's direction. */
 export function onBoardElement(one: BearingRecord): HTMLElement {
-  const label = `Turn ${one.turn + 1}: bearing ${Math.round(one.bearing_deg)} degrees, estimated on the drone from ${one.pulses} pulses`;
+  const label = t("markers.drones_bearing", { turn: one.turn + 1, bearing: Math.round(one.bearing_deg), pulses: one.pulses });
   const element = h("div", { class: "on-board", role: "img", "aria-label": label });
   const mark = svg(
     "svg",

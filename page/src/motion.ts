@@ -6,8 +6,9 @@
 import { PAGE, reasonOf, send } from "./api";
 import { beforeBox, openBefore, setPlan, type Plan } from "./before";
 import { by, fill, h, say, svg } from "./dom";
-import { metres } from "./format";
+import { fixed, metres } from "./format";
 import type { LonLat } from "./geo";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import { catchTaps } from "./tap";
@@ -27,26 +28,26 @@ interface Area {
   keep_out: KeepOut[];
 }
 
-const KINDS: [Kind, string][] = [
-  ["rotate", "Turn here"],
-  ["goto", "Go there"],
-  ["survey", "Survey"],
-  ["search", "Search"],
-  ["hold", "Hold"],
-  ["return", "Return"],
-  ["takeoff", "Take off"],
+const KINDS: [Kind, Words][] = [
+  ["rotate", t("motion.turn_here")],
+  ["goto", t("motion.goto")],
+  ["survey", t("motion.survey")],
+  ["search", t("motion.search")],
+  ["hold", t("motion.hold")],
+  ["return", t("motion.return")],
+  ["takeoff", t("motion.take_off")],
 ];
 const HOLD_MS = 1000;
-const UPLOAD = "As the vehicle's mission";
+const UPLOAD = t("motion.upload");
 /** A second tap within this replaces the mission that the vehicle holds. */
 const SURE_MS = 5000;
 const MOST_CORNERS = 20;
 /** A search keeps so far from where animals are; other motions only show it. */
 const KEEP_AWAY_M = 30;
-const STANDINGS: Record<Motion["standing"], string> = {
-  out: "The pilot flies",
-  confirmed: "Confirmed",
-  "in command": "uavrt flies",
+const STANDINGS: Record<Motion["standing"], Words> = {
+  out: t("motion.pilot_flies"),
+  confirmed: t("motion.confirmed"),
+  "in command": t("motion.uavrt_flies"),
 };
 
 let view: FlightMap;
@@ -63,10 +64,10 @@ let asking = false;
 export function motionBar(): HTMLElement {
   return h(
     "div",
-    { id: "motion-bar", class: "motion-bar", hidden: true, role: "region", "aria-label": "Motion" },
+    { id: "motion-bar", class: "motion-bar", hidden: true, role: "region", "aria-label": t("motion.title") },
     h("div", { id: "energy", class: "energy" }),
     h("div", { class: "motion-status" }, h("strong", { id: "motion-standing" }), h("span", { id: "motion-text", role: "status" })),
-    h("button", { id: "take-back", class: "take-back", onclick: () => void takeBack() }, "Take back"),
+    h("button", { id: "take-back", class: "take-back", onclick: () => void takeBack() }, t("motion.take_back")),
   );
 }
 
@@ -76,65 +77,65 @@ export function motionPanel(made: FlightMap): HTMLElement {
   const kinds = KINDS.map(([name, label]) =>
     h("button", { id: `move-${name}`, class: "kind", "aria-pressed": String(name === kind), onclick: () => choose(name) }, label),
   );
-  const number = (id: string, label: string, start: string, empty = "") =>
+  const number = (id: string, label: Words, start: string, empty: Words | "" = "") =>
     h("label", { id: `${id}-row` }, h("span", {}, label), h("input", { id, value: start, placeholder: empty, inputmode: "decimal", autocomplete: "off", onchange: () => void replan() }));
   const panel = h(
     "div",
     { id: "move", class: "move", hidden: true },
-    h("p", { id: "move-none", class: "note" }, "This drone does not offer motion. Set guidance.enabled = true in its uavrt.toml. Without a key only the simulator moves."),
+    h("p", { id: "move-none", class: "note" }, t("motion.not_offered")),
     h(
       "div",
       { id: "move-form", class: "move-form" },
-      h("div", { class: "kinds", role: "group", "aria-label": "What to fly" }, ...kinds),
-      h("p", { class: "note" }, h("span", { id: "move-hint" }), " ", h("span", { id: "move-plan", class: "move-plan" })),
+      h("div", { class: "kinds", role: "group", "aria-label": t("motion.what_to_fly") }, ...kinds),
+      h("p", { class: "note" }, h("span", { id: "move-hint" }), verbatim(" "), h("span", { id: "move-plan", class: "move-plan" })),
       h("p", { id: "move-fault", class: "fault-line", role: "alert" }),
       h(
         "div",
         { id: "area-row", class: "area-row" },
-        h("button", { id: "area-draw", "aria-pressed": "false", onclick: () => draw() }, "Draw"),
-        h("button", { id: "area-circle", "aria-pressed": "false", onclick: () => drawCircle() }, "Circle"),
+        h("button", { id: "area-draw", "aria-pressed": "false", onclick: () => draw() }, t("motion.draw")),
+        h("button", { id: "area-circle", "aria-pressed": "false", onclick: () => drawCircle() }, t("motion.circle")),
         areaImport(),
-        h("button", { id: "area-clear", onclick: () => clearArea() }, "Clear"),
+        h("button", { id: "area-clear", onclick: () => clearArea() }, t("common.clear")),
       ),
       h("div", { class: "fields" },
       h(
         "label",
         { id: "move-pattern-row" },
-        "How",
+        t("common.how"),
         h(
           "select",
           { id: "move-pattern", onchange: () => void replan() },
-          h("option", { value: "lines" }, "line by line"),
-          h("option", { value: "around" }, "around the area"),
-          h("option", { value: "points" }, "turns at places"),
+          h("option", { value: "lines" }, t("motion.pattern_lines")),
+          h("option", { value: "around" }, t("motion.pattern_around")),
+          h("option", { value: "points" }, t("motion.pattern_points")),
         ),
       ),
-      number("move-spacing", "Spacing, m", "60"),
-      number("move-seconds", "Time of a full turn, s", "60"),
+      number("move-spacing", t("motion.spacing"), "60"),
+      number("move-seconds", t("motion.turn_time"), "60"),
       h(
         "label",
         { id: "move-left-row" },
-        "To the",
-        h("select", { id: "move-left" }, h("option", { value: "right" }, "right"), h("option", { value: "left" }, "left")),
+        t("motion.direction"),
+        h("select", { id: "move-left" }, h("option", { value: "right" }, t("motion.right")), h("option", { value: "left" }, t("motion.left"))),
       ),
-      number("move-radius", "Radius around the drone, m", "300"),
-      number("move-minutes", "Time limit, minutes", "15"),
-      number("move-wish", "Target accuracy, m", "25"),
-      number("move-height", "Height, m", "", "unchanged"),
+      number("move-radius", t("motion.radius"), "300"),
+      number("move-minutes", t("motion.time_limit"), "15"),
+      number("move-wish", t("motion.target_accuracy"), "25"),
+      number("move-height", t("motion.height"), "", t("motion.unchanged")),
       ),
       beforeBox(view),
-      h("button", { id: "move-ask", class: "primary", onclick: () => void ask() }, "Ask the drone"),
+      h("button", { id: "move-ask", class: "primary", onclick: () => void ask() }, t("motion.ask")),
       h("button", { id: "move-upload", onclick: () => void upload() }, UPLOAD),
     ),
     h(
       "div",
-      { id: "offer", class: "offer", hidden: true, role: "group", "aria-label": "The drone's offer" },
-      h("strong", {}, "The drone will"),
+      { id: "offer", class: "offer", hidden: true, role: "group", "aria-label": t("motion.offer_label") },
+      h("strong", {}, t("motion.drone_will")),
       h("p", { id: "offer-text" }),
-      h("p", { class: "note" }, "To take over, choose Pause, Position, Return or Land. On PX4, choosing Hold changes nothing."),
-      h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), "No RC link: I understand"),
+      h("p", { class: "note" }, t("motion.how_to_take_over")),
+      h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), t("motion.no_rc_link")),
       holdButton(),
-      h("button", { id: "offer-leave", onclick: () => leave() }, "Cancel"),
+      h("button", { id: "offer-leave", onclick: () => leave() }, t("motion.cancel")),
     ),
   );
   store.on(["state", "online"], drawMotion);
@@ -178,21 +179,18 @@ function drawShape(): void {
   by("move-seconds-row").hidden = by("move-left-row").hidden = !turns;
   by("move-minutes-row").hidden = by("move-wish-row").hidden = kind !== "search";
   by("move-radius-row").hidden = kind !== "search" || area.length > 0;
-  const hints: Record<Kind, string> = {
-    rotate: "A full turn where it is.",
-    goto: goal ? `To ${goal[0].toFixed(6)}, ${goal[1].toFixed(6)}` : "Tap the destination on the map.",
-    survey: area.length < 3 ? `Tap corners (${area.length} of 3 or more), or import.` : `${area.length} corners${kept()}.`,
-    search: area.length ? `Within ${area.length} corners${kept()}.` : "Around the drone, or tap corners.",
-    hold: "Stay where it is.",
-    return: "Home, by the autopilot's own mode.",
-    takeoff: "Straight up to the height below, after the pilot has armed.",
+  // What is kept out of is so for every motion until the area is cleared.
+  const facts = { corners: area.length, excluded: keepOut.length };
+  const hints: Record<Kind, Words> = {
+    rotate: t("motion.hint_turn"),
+    goto: goal ? t("motion.goal", { latitude: fixed(goal[0], 6), longitude: fixed(goal[1], 6) }) : t("motion.hint_goto"),
+    survey: area.length < 3 ? t("motion.hint_survey", { corners: area.length }) : t(keepOut.length ? "motion.corners_excluded" : "motion.corners", facts),
+    search: area.length ? t(keepOut.length ? "motion.within_corners_excluded" : "motion.within_corners", facts) : t("motion.hint_search"),
+    hold: t("motion.hint_hold"),
+    return: t("motion.hint_return"),
+    takeoff: t("motion.hint_take_off"),
   };
   say(by("move-hint"), hints[kind]);
-}
-
-/** Kept out of by every motion until the area is cleared. */
-function kept(): string {
-  return keepOut.length ? `, ${keepOut.length} excluded` : "";
 }
 
 function setGoal(at: LonLat): void {
@@ -205,7 +203,7 @@ function draw(): void {
   by("area-draw").setAttribute("aria-pressed", "true");
   by("area-circle").setAttribute("aria-pressed", "false");
   catchTaps((at) => {
-    if (area.length >= MOST_CORNERS) toast(`An area has ${MOST_CORNERS} corners at most`, 5);
+    if (area.length >= MOST_CORNERS) toast(t("motion.too_many_corners", { most: MOST_CORNERS }), 5);
     else setArea([...area, [at[1], at[0]]]);
   });
 }
@@ -214,7 +212,7 @@ function draw(): void {
 function drawCircle(): void {
   by("area-draw").setAttribute("aria-pressed", "false");
   by("area-circle").setAttribute("aria-pressed", "true");
-  toast("Tap the middle, then a place on the circle", 6);
+  toast(t("motion.tap_circle"), 6);
   let middle: LonLat | null = null;
   catchTaps((at) => {
     if (middle === null) {
@@ -244,7 +242,7 @@ function areaImport(): HTMLElement {
       if (file) void take(async () => send<Area>("POST", "/motion/area", { name: file.name, text: await file.text() }), true);
     },
   });
-  return h("label", { class: "file" }, "Import", input);
+  return h("label", { class: "file" }, t("common.import"), input);
 }
 
 async function take(get: () => Promise<Area>, frame = false): Promise<void> {
@@ -305,8 +303,9 @@ async function replan(): Promise<void> {
     const found = await send<{ way: Place[]; length_m: number; farthest_m: number | null }>("POST", "/motion/plan", wish());
     if (ticket !== planTicket) return;
     way = found.way;
-    const far = found.farthest_m === null ? "" : `, ${metres(found.farthest_m)} from home`;
-    say(by("move-plan"), way.length > 1 ? `${metres(found.length_m)}${far}` : "");
+    const length = metres(found.length_m);
+    const there = found.farthest_m === null ? length : t("motion.length_and_farthest", { length, farthest: metres(found.farthest_m) });
+    say(by("move-plan"), way.length > 1 ? there : "");
     tellPlan();
   } catch (error) {
     if (ticket === planTicket) say(by("move-fault"), reasonOf(error));
@@ -333,11 +332,11 @@ function planned(pattern: string): Plan | null {
 
 async function ask(): Promise<void> {
   if (store.looksOn()) {
-    say(by("move-fault"), "Another page has command. Take command first");
+    say(by("move-fault"), t("common.another_page_commands"));
     return;
   }
   if (!ready()) {
-    say(by("move-fault"), kind === "goto" ? "Tap the destination on the map" : kind === "takeoff" ? "Give a height" : "An area has three corners or more");
+    say(by("move-fault"), kind === "goto" ? t("motion.goal_missing") : kind === "takeoff" ? t("motion.height_missing") : t("motion.too_few_corners"));
     return;
   }
   asking = true;
@@ -360,15 +359,15 @@ let sure: ReturnType<typeof setTimeout> | null = null;
 async function upload(): Promise<void> {
   const button = by("move-upload");
   if (store.looksOn()) {
-    say(by("move-fault"), "Another page has command. Take command first");
+    say(by("move-fault"), t("common.another_page_commands"));
     return;
   }
   if (numberIn("move-height") === null || !ready()) {
-    say(by("move-fault"), "A mission needs an area and a height");
+    say(by("move-fault"), t("motion.mission_needs"));
     return;
   }
   if (sure === null) {
-    say(button, "Replace the mission in the autopilot?");
+    say(button, t("motion.replace_mission"));
     sure = setTimeout(() => {
       sure = null;
       say(button, UPLOAD);
@@ -378,11 +377,11 @@ async function upload(): Promise<void> {
   clearTimeout(sure);
   sure = null;
   say(by("move-fault"), "");
-  say(button, "Sending …");
+  say(button, t("motion.sending"));
   button.classList.add("busy");
   try {
     const done = await send<{ items: number }>("POST", "/motion/upload", wish());
-    toast(`The autopilot holds the survey: ${done.items} items, verified. A pilot starts it.`, 5);
+    toast(t("motion.uploaded", { items: done.items }), 5);
   } catch (error) {
     say(by("move-fault"), reasonOf(error));
   } finally {
@@ -417,9 +416,9 @@ async function takeBack(): Promise<void> {
   button.classList.add("busy");
   try {
     await send("POST", "/motion/stop", {});
-    toast("Taken back: the drone stops. The pilot flies.", 5);
+    toast(t("motion.taken_back"), 5);
   } catch (error) {
-    toast(`Not taken back: ${reasonOf(error)}. Use the remote control.`, 2);
+    toast(t("motion.not_taken_back", { reason: reasonOf(error) }), 2);
   } finally {
     button.classList.remove("busy");
   }
@@ -427,7 +426,7 @@ async function takeBack(): Promise<void> {
 
 /** A button that counts only when it is held for a second: nothing moves by a slip. */
 function holdButton(): HTMLElement {
-  const button = h("button", { id: "hold-to-fly", class: "hold" }, h("span", { class: "hold-fill" }), h("span", { class: "hold-text" }, "Hold to fly"));
+  const button = h("button", { id: "hold-to-fly", class: "hold" }, h("span", { class: "hold-fill" }), h("span", { class: "hold-text" }, t("motion.hold_to_fly")));
   let timer: ReturnType<typeof setTimeout> | null = null;
   const end = () => {
     if (timer !== null) clearTimeout(timer);
@@ -470,16 +469,16 @@ function drawMotion(): void {
   }
   const bar = by("motion-bar");
   bar.dataset.standing = motion.standing;
-  say(by("motion-standing"), motion.heard && store.online ? STANDINGS[motion.standing] : "No contact with the drone");
-  say(by("motion-text"), motion.text);
+  say(by("motion-standing"), motion.heard && store.online ? STANDINGS[motion.standing] : t("motion.no_contact"));
+  say(by("motion-text"), fromServer(motion.text));
   drawEnergy();
   const offer = motion.offer && motion.offer.page === PAGE && motion.offer.order_id !== left ? motion.offer : null;
   by("offer").hidden = offer === null;
   by("move-form").hidden = offer !== null;
   const button = by("move-ask");
   button.setAttribute("aria-disabled", String(store.looksOn() || asking));
-  say(button, asking ? "Waiting for the answer …" : store.looksOn() ? "Another page has command" : "Ask the drone");
-  if (offer) say(by("offer-text"), `${offer.text}. Holds for ${Math.max(0, Math.ceil(offer.left_s))}\u202fs.`);
+  say(button, asking ? t("motion.asking") : store.looksOn() ? t("motion.another_page_commands") : t("motion.ask"));
+  if (offer) say(by("offer-text"), t("motion.offer", { offer: fromServer(offer.text), seconds: Math.max(0, Math.ceil(offer.left_s)) }));
   drawOnMap();
 }
 
@@ -497,11 +496,11 @@ function drawEnergy(): void {
     box,
     svg(
       "svg",
-      { viewBox: "-22 -22 44 44", width: 44, height: 44, role: "img", "aria-label": percent === null ? "Energy left: unknown" : `Energy left: ${percent} percent` },
+      { viewBox: "-22 -22 44 44", width: 44, height: 44, role: "img", "aria-label": percent === null ? t("motion.energy_unknown") : t("motion.energy", { percent }) },
       svg("circle", { r: 18, class: "energy-rim" }),
       svg("circle", { r: 18, class: low ? "energy-left low" : "energy-left", "stroke-dasharray": `${part * round} ${round}`, transform: "rotate(-90)" }),
     ),
-    h("span", { class: "energy-text" }, percent === null ? "?" : `${percent}`),
+    h("span", { class: "energy-text" }, percent ?? verbatim("?")),
   );
 }
 

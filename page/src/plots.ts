@@ -5,6 +5,8 @@ import "uplot/dist/uPlot.min.css";
 import { getOnceThere } from "./api";
 import { snrColour, tagColour } from "./colour";
 import { by, fill, h, say, svg } from "./dom";
+import { fixed } from "./format";
+import { fromServer, listed, t, type Words } from "./i18n";
 import { store } from "./store";
 import { showWaterfall, waterfallFigure } from "./waterfall";
 import type { Choices } from "./types";
@@ -21,20 +23,20 @@ const plots: { kind: string; plot: uPlot; holder: HTMLElement }[] = [];
 export function buildPlots(): void {
   fill(
     by("view-plots"),
-    h("div", { class: "plot-tags", role: "group", "aria-label": "Tag", id: "plot-tags" }),
+    h("div", { class: "plot-tags", role: "group", "aria-label": t("common.tag"), id: "plot-tags" }),
     h(
       "div",
       { class: "plots" },
       h(
         "figure",
         { class: "plot polar" },
-        h("figcaption", {}, "SNR by heading, with the antenna pattern at the bearing"),
+        h("figcaption", {}, t("plots.snr_by_heading_and_pattern")),
         h("div", { id: "polar" }),
         h("p", { id: "polar-note", class: "note" }),
       ),
-      figure("snr", "SNR over time, dB; times UTC"),
-      figure("fold", "Interval since the previous pulse, ms"),
-      figure("frequency", "Offset from the tag's listed frequency, Hz"),
+      figure("snr", t("plots.snr_over_time")),
+      figure("fold", t("plots.interval")),
+      figure("frequency", t("plots.frequency_offset")),
       waterfallFigure(),
     ),
   );
@@ -54,7 +56,7 @@ export function showPlots(visible: boolean): void {
   showWaterfall(visible);
 }
 
-function figure(id: string, caption: string): HTMLElement {
+function figure(id: string, caption: Words): HTMLElement {
   return h("figure", { class: "plot" }, h("figcaption", {}, caption), h("div", { id: `plot-${id}`, class: "plot-area" }));
 }
 
@@ -137,22 +139,20 @@ function drawPolar(): void {
   const half = POLAR / 2;
   fill(
     by("polar"),
-    svg("svg", { viewBox: `${-half} ${-half} ${POLAR} ${POLAR}`, role: "img", "aria-label": "SNR by heading" }, ...shapes, ...dots),
+    svg("svg", { viewBox: `${-half} ${-half} ${POLAR} ${POLAR}`, role: "img", "aria-label": t("plots.snr_by_heading") }, ...shapes, ...dots),
   );
   const interval = bearing?.interval90_deg;
   say(
     by("polar-note"),
     bearing
-      ? [
-          `Turn ${bearing.turn + 1}: bearing ${bearing.bearing_deg.toFixed(0)}°`,
-          interval ? `90\u202f% between ${interval[0].toFixed(0)}° and ${interval[1].toFixed(0)}°` : "",
-          `${bearing.pulses} pulses`,
-          bearing.from_drone ? "estimated on the drone" : "",
-          ...bearing.remarks,
-        ]
-          .filter(Boolean)
-          .join(" · ")
-      : "No turn in place yet: all pulses of this tag are shown.",
+      ? listed(
+          t("plots.bearing", { turn: bearing.turn + 1, bearing: fixed(bearing.bearing_deg, 0) }),
+          interval && t("plots.interval90", { low: fixed(interval[0], 0), high: fixed(interval[1], 0) }),
+          t("common.pulse_count", { pulses: bearing.pulses }),
+          bearing.from_drone && t("plots.on_the_drone"),
+          ...bearing.remarks.map(fromServer),
+        )
+      : t("plots.no_turn"),
   );
 }
 

@@ -1,6 +1,7 @@
 /** A past flight, moment by moment. */
 
 import { by, h, say } from "./dom";
+import { t, verbatim } from "./i18n";
 import { store } from "./store";
 
 export function replayBar(): HTMLElement {
@@ -10,16 +11,16 @@ export function replayBar(): HTMLElement {
     min: "0",
     max: "1000",
     value: "1000",
-    "aria-label": "Time in the flight",
+    "aria-label": t("replay.time"),
     oninput: () => seek(Number(slider.value) / 1000),
   });
   return h(
     "div",
     { id: "replay", class: "replay", hidden: true },
-    h("button", { id: "replay-play", onclick: togglePlay }, "Play"),
+    h("button", { id: "replay-play", onclick: togglePlay }, t("replay.play")),
     slider,
     h("span", { id: "replay-time" }),
-    h("button", { id: "replay-live", onclick: backToLive }, "Back to live"),
+    h("button", { id: "replay-live", onclick: backToLive }, t("replay.back_to_live")),
   );
 }
 
@@ -39,7 +40,7 @@ function togglePlay(): void {
   }
   const slider = by("replay-slider") as HTMLInputElement;
   if (Number(slider.value) >= 1000) slider.value = "0";
-  say(by("replay-play"), "Pause");
+  say(by("replay-play"), t("replay.pause"));
   // A whole flight in 20 s, ten steps a second.
   playing = setInterval(() => {
     slider.value = String(Number(slider.value) + 5);
@@ -51,7 +52,7 @@ function togglePlay(): void {
 function stopPlaying(): void {
   if (playing !== null) clearInterval(playing);
   playing = null;
-  say(by("replay-play"), "Play");
+  say(by("replay-play"), t("replay.play"));
 }
 
 function backToLive(): void {
@@ -67,6 +68,6 @@ export function drawReplay(): void {
   if (!review) return;
   const now = Math.min(store.until, review.end_time_ns);
   const past = (now - review.start_time_ns) / 1e9;
-  say(by("replay-time"), `${Math.floor(past / 60)}:${String(Math.floor(past % 60)).padStart(2, "0")}`);
+  say(by("replay-time"), verbatim(`${Math.floor(past / 60)}:${String(Math.floor(past % 60)).padStart(2, "0")}`));
   if (!Number.isFinite(store.until)) (by("replay-slider") as HTMLInputElement).value = "1000";
 }

@@ -3,9 +3,10 @@
 import { get, reasonOf } from "./api";
 import { by, fill, h, say } from "./dom";
 import { dateTime, fixed } from "./format";
+import { listed, t, verbatim, type Words } from "./i18n";
 import type { SeasonRecord } from "./types";
 
-const TITLES = ["Tag", "Frequency", "Flights", "Detected in", "Minutes searched", "Minutes to detection", "Last detected"];
+const TITLES = [t("common.tag"), t("common.frequency"), t("common.flights"), t("season.detected_in"), t("season.minutes_searched"), t("season.minutes_to_detection"), t("season.last_detected")];
 
 export function seasonSection(): HTMLElement {
   return h(
@@ -14,16 +15,16 @@ export function seasonSection(): HTMLElement {
     h(
       "div",
       { class: "toolbar" },
-      h("h2", { id: "h-season" }, "The season"),
-      h("button", { id: "season-show", onclick: () => void show() }, "Summarise season"),
+      h("h2", { id: "h-season" }, t("season.title")),
+      h("button", { id: "season-show", onclick: () => void show() }, t("season.summarise")),
       h("span", { id: "season-note", class: "note", role: "status" }),
     ),
-    h("div", { id: "season-table", class: "table-wrap" }),
+    h("div", { id: "season-table", class: "table-wrap", role: "region", "aria-labelledby": "h-season", tabindex: "0" }),
   );
 }
 
 async function show(): Promise<void> {
-  say(by("season-note"), "Reading all flights …");
+  say(by("season-note"), t("season.reading"));
   try {
     draw(await get<SeasonRecord>("/season"));
   } catch (error) {
@@ -33,12 +34,12 @@ async function show(): Promise<void> {
 }
 
 function draw(found: SeasonRecord): void {
-  say(by("season-note"), [flown(found), heard(found), batteries(found)].join(" · "));
+  say(by("season-note"), listed(flown(found), heard(found), batteries(found)));
   const rows = found.animals.map((one) =>
     h(
       "tr",
       { "data-animal": one.tag_id },
-      h("td", { translate: "no" }, one.name ? `${one.tag_id} ${one.name}` : String(one.tag_id)),
+      h("td", { translate: "no" }, verbatim(one.name ? `${one.tag_id} ${one.name}` : one.tag_id)),
       h("td", { class: "number" }, fixed(one.frequency_hz / 1e6, 3, "MHz")),
       h("td", { class: "number" }, one.flights),
       h("td", { class: "number" }, one.flights_heard),
@@ -53,17 +54,17 @@ function draw(found: SeasonRecord): void {
   );
 }
 
-function flown(found: SeasonRecord): string {
-  return `${found.flights} flights, ${fixed(found.minutes, 0)} minutes`;
+function flown(found: SeasonRecord): Words {
+  return t("season.flown", { flights: found.flights, minutes: fixed(found.minutes, 0) });
 }
 
-function heard(found: SeasonRecord): string {
-  const all = `${found.animals_heard} of ${found.animals.length} animals detected`;
-  return found.minutes_per_animal === null ? all : `${all} · ${fixed(found.minutes_per_animal, 1)} minutes of flight per detection`;
+function heard(found: SeasonRecord): Words {
+  const all = t("season.animals_detected", { animals_heard: found.animals_heard, animals: found.animals.length });
+  return found.minutes_per_animal === null ? all : listed(all, t("season.minutes_per_detection", { minutes: fixed(found.minutes_per_animal, 1) }));
 }
 
-function batteries(found: SeasonRecord): string {
-  if (!found.batteries) return "no flight has battery data";
-  const put = `${found.batteries} battery changes, charge of ${fixed(found.batteries_used, 1)} full batteries used`;
-  return found.flights_without_battery ? `${put} · ${found.flights_without_battery} flights without battery data` : put;
+function batteries(found: SeasonRecord): Words {
+  if (!found.batteries) return t("season.no_battery_data");
+  const put = t("season.batteries", { batteries: found.batteries, batteries_used: fixed(found.batteries_used, 1) });
+  return listed(put, found.flights_without_battery > 0 && t("season.flights_without_battery", { flights: found.flights_without_battery }));
 }

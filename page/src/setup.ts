@@ -5,19 +5,19 @@ import { by, fill, h, say } from "./dom";
 import { doorsSection } from "./doors";
 import { droneSection } from "./drone";
 import { factsSection } from "./facts";
-import { choose, language, LANGUAGES } from "./i18n";
+import { choose, fromServer, language, LANGUAGES, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { Choices, FieldFault, Settings, TagRow } from "./types";
 
 interface Field {
   key: string;
-  label: string;
+  label: Words;
   unit: string;
-  hint: string;
+  hint: Words;
   text?: boolean;
   /** What it may be; the first where the row says nothing. */
-  choices?: string[];
+  choices?: Record<string, Words>;
 }
 
 /** As `DEFAULT_FALSE_ALARM_PROBABILITY` in uavrt/messages.py; a test compares them. */
@@ -25,18 +25,18 @@ const DEFAULT_FALSE_ALARM_PERCENT = 1;
 const MOST_WARNINGS = 5;
 
 const FIELDS: Field[] = [
-  { key: "id", label: "Id", unit: "", hint: "A whole number, different for each tag" },
-  { key: "name", label: "Name", unit: "", hint: "Shown to people; optional", text: true },
-  { key: "frequency_mhz", label: "Frequency", unit: "MHz", hint: "As on the tag's sheet: 148.71" },
-  { key: "kind", label: "Kind", unit: "", hint: "Beeping, or coded: bursts whose gaps identify the tag", text: true, choices: ["beeping", "coded"] },
-  { key: "interval_ms", label: "Interval", unit: "ms", hint: "From pulse to pulse; of a coded tag from burst to burst" },
-  { key: "gaps_ms", label: "Gaps", unit: "ms", hint: "Of a coded tag: from pulse start to pulse start in a burst, with spaces between: 22 48.8 36.6", text: true },
-  { key: "second_interval_ms", label: "2nd interval", unit: "ms", hint: "Of a tag with two rates; else empty" },
-  { key: "pulse_width_ms", label: "Width", unit: "ms", hint: "Length of a pulse" },
-  { key: "interval_uncertainty_ms", label: "Uncertainty", unit: "ms", hint: "Largest error of the interval" },
-  { key: "interval_jitter_ms", label: "Jitter", unit: "ms", hint: "Largest deviation of a single pulse" },
-  { key: "k", label: "K", unit: "", hint: "Pulses summed for one decision; more give more range" },
-  { key: "false_alarm_percent", label: "False alarms", unit: "%", hint: "Probability for each decision" },
+  { key: "id", label: t("setup.id"), unit: "", hint: t("setup.id_hint") },
+  { key: "name", label: t("common.name"), unit: "", hint: t("setup.name_hint"), text: true },
+  { key: "frequency_mhz", label: t("common.frequency"), unit: "MHz", hint: t("setup.frequency_hint") },
+  { key: "kind", label: t("setup.kind"), unit: "", hint: t("setup.kind_hint"), text: true, choices: { beeping: t("setup.beeping"), coded: t("setup.coded") } },
+  { key: "interval_ms", label: t("setup.interval"), unit: "ms", hint: t("setup.interval_hint") },
+  { key: "gaps_ms", label: t("setup.gaps"), unit: "ms", hint: t("setup.gaps_hint"), text: true },
+  { key: "second_interval_ms", label: t("setup.second_interval"), unit: "ms", hint: t("setup.second_interval_hint") },
+  { key: "pulse_width_ms", label: t("setup.width"), unit: "ms", hint: t("setup.width_hint") },
+  { key: "interval_uncertainty_ms", label: t("setup.uncertainty"), unit: "ms", hint: t("setup.uncertainty_hint") },
+  { key: "interval_jitter_ms", label: t("setup.jitter"), unit: "ms", hint: t("setup.jitter_hint") },
+  { key: "k", label: t("setup.k"), unit: "", hint: t("setup.k_hint") },
+  { key: "false_alarm_percent", label: t("setup.false_alarms"), unit: "%", hint: t("setup.false_alarms_hint") },
 ];
 
 /** As `CODED_PULSE_WIDTH_MS`, `BURST_TOLERANCE_MS` and `CODED_K` in uavrt/config/code_rules.py. */
@@ -58,21 +58,21 @@ export function buildSetup(): void {
     h(
       "div",
       { class: "setup" },
-      h("section", { class: "block", "aria-labelledby": "h-connection" }, h("h2", { id: "h-connection" }, "Connection"), connectionForm()),
-      h("section", { class: "block", "aria-labelledby": "h-antenna" }, h("h2", { id: "h-antenna" }, "Antenna and radio"), antennaForm()),
+      h("section", { class: "block", "aria-labelledby": "h-connection" }, h("h2", { id: "h-connection" }, t("setup.connection")), connectionForm()),
+      h("section", { class: "block", "aria-labelledby": "h-antenna" }, h("h2", { id: "h-antenna" }, t("setup.antenna_and_radio")), antennaForm()),
       h(
         "section",
         { class: "block wide", "aria-labelledby": "h-tags" },
         h(
           "div",
           { class: "toolbar" },
-          h("h2", { id: "h-tags" }, "Tags"),
-          h("button", { id: "tag-add", onclick: () => addRow() }, "Add a tag"),
-          h("select", { id: "tag-preset", "aria-label": "New tags like", title: "New tags like" }, h("option", { value: "" }, "the last one")),
+          h("h2", { id: "h-tags" }, t("common.tags")),
+          h("button", { id: "tag-add", onclick: () => addRow() }, t("setup.add_tag")),
+          h("select", { id: "tag-preset", "aria-label": t("setup.new_tags_like"), title: t("setup.new_tags_like") }, h("option", { value: "" }, t("setup.last_tag"))),
           importButton(),
-          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", translate: "no", href: `${BASE}/api/tags/${name}`, download: name }, name)),
+          ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", translate: "no", href: `${BASE}/api/tags/${name}`, download: name }, verbatim(name))),
           h("span", { id: "tag-state", class: "note", role: "status" }),
-          h("button", { id: "tag-save", class: "primary", onclick: () => void save() }, "Save"),
+          h("button", { id: "tag-save", class: "primary", onclick: () => void save() }, t("setup.save")),
         ),
         h("div", { id: "tag-table", class: "table-wrap" }),
         h("p", { id: "tag-fault", class: "fault-line", role: "alert" }),
@@ -80,9 +80,9 @@ export function buildSetup(): void {
         h(
           "div",
           { id: "tag-conflict", class: "conflict", role: "alert", hidden: true },
-          h("span", {}, "Another page has changed the tags meanwhile."),
-          h("button", { id: "tag-theirs", onclick: () => takeTheirs() }, "Use theirs"),
-          h("button", { id: "tag-mine", onclick: () => void keepMine() }, "Keep mine"),
+          h("span", {}, t("setup.conflict")),
+          h("button", { id: "tag-theirs", onclick: () => takeTheirs() }, t("setup.use_theirs")),
+          h("button", { id: "tag-mine", onclick: () => void keepMine() }, t("setup.keep_mine")),
         ),
       ),
       factsSection(),
@@ -138,7 +138,7 @@ function addRow(): void {
 
 function draw(): void {
   const head = FIELDS.map((field) =>
-    h("th", { scope: "col", title: field.hint }, field.label, field.unit ? h("span", { class: "unit" }, ` ${field.unit}`) : null),
+    h("th", { scope: "col", title: field.hint }, field.label, field.unit ? h("span", { class: "unit" }, verbatim(` ${field.unit}`)) : null),
   );
   const body = rows.map((row, place) =>
     h(
@@ -151,7 +151,7 @@ function draw(): void {
           { "data-field": field.key },
           field.choices ? kindChoice(field, row, place) : h("input", {
             value: row[field.key] ?? "",
-            "aria-label": `${field.label}, row ${place + 1}`,
+            "aria-label": t("setup.field_in_row", { field: field.label, row: place + 1 }),
             inputmode: field.text ? "text" : "decimal",
             autocomplete: "off",
             maxlength: 60,
@@ -167,26 +167,26 @@ function draw(): void {
       h(
         "td",
         {},
-        h("button", { class: "remove", "aria-label": `Remove row ${place + 1}`, onclick: () => remove(place) }, "×"),
+        h("button", { class: "remove", "aria-label": t("setup.remove_row", { row: place + 1 }), onclick: () => remove(place) }, verbatim("×")),
       ),
     ),
   );
   fill(
     by("tag-table"),
     rows.length
-      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: "Tags of the table to search for in this flight" }, "Fly"), ...head, h("th", {}))), h("tbody", {}, ...body))
-      : h("p", { class: "empty" }, "No tags. Add one, or import the file you have."),
+      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: t("setup.fly_hint") }, t("common.fly")), ...head, h("th", {}))), h("tbody", {}, ...body))
+      : h("p", { class: "empty" }, t("setup.no_tags")),
   );
   drawFaults();
 }
 
 /** Beeping or coded; a tag that becomes coded gets the usual numbers of such tags. */
 function kindChoice(field: Field, row: TagRow, place: number): HTMLElement {
-  const now = String(row[field.key] || field.choices![0]);
+  const now = String(row[field.key] || Object.keys(field.choices!)[0]);
   const select: HTMLSelectElement = h(
     "select",
     {
-      "aria-label": `${field.label}, row ${place + 1}`,
+      "aria-label": t("setup.field_in_row", { field: field.label, row: place + 1 }),
       "data-row": place,
       "data-key": field.key,
       onchange: () => {
@@ -197,7 +197,7 @@ function kindChoice(field: Field, row: TagRow, place: number): HTMLElement {
         draw();
       },
     },
-    ...field.choices!.map((one) => h("option", { value: one, selected: one === now }, one)),
+    ...Object.entries(field.choices!).map(([one, words]) => h("option", { value: one, selected: one === now }, words)),
   );
   return select;
 }
@@ -207,7 +207,7 @@ function flyBox(row: TagRow): HTMLElement {
   const box = h("input", {
     type: "checkbox",
     class: "fly-tag",
-    "aria-label": `Search for tag ${row.id}`,
+    "aria-label": t("setup.search_for_tag", { tag: verbatim(row.id!) }),
     checked: !notFlown().includes(Number(row.id)),
     onchange: () => {
       // Its number as it is now: it may have been typed meanwhile.
@@ -252,7 +252,7 @@ function remove(place: number): void {
 function touched(): void {
   if (!changed) store.emit("state"); // "Tags sent" is no longer true
   changed = true;
-  say(by("tag-state"), "not saved");
+  say(by("tag-state"), t("setup.not_saved"));
   const ticket = ++checking;
   setTimeout(() => {
     if (ticket === checking) void check();
@@ -313,7 +313,7 @@ export async function save(): Promise<boolean> {
     changed = false;
     if (leftOut) await keepLeftOut(leftOut);
     leftOut = null;
-    say(by("tag-state"), "saved");
+    say(by("tag-state"), t("setup.saved"));
     draw();
     drawConflict();
     return true;
@@ -341,21 +341,21 @@ function drawFaults(): void {
     const id = `fault-${number}`;
     input.setAttribute("aria-invalid", "true");
     input.setAttribute("aria-describedby", id);
-    input.after(h("span", { class: "fault", id }, fault.text));
+    input.after(h("span", { class: "fault", id }, fromServer(fault.text)));
   }
   const first = faults[0];
-  say(by("tag-fault"), first ? `Row ${first.row + 1}, ${labelOf(first.field)}: ${first.text}` : "");
+  say(by("tag-fault"), first ? t("setup.fault_in_row", { row: first.row + 1, field: labelOf(first.field), fault: fromServer(first.text) }) : "");
 }
 
 /** What is no fault, but may surprise in flight: codes that are near to each other. */
 function drawWarnings(warnings: string[]): void {
-  const shown = warnings.slice(0, MOST_WARNINGS).map((text) => h("p", {}, text));
+  const shown = warnings.slice(0, MOST_WARNINGS).map((text) => h("p", {}, fromServer(text)));
   const more = warnings.length - shown.length;
-  fill(by("tag-warnings"), ...shown, more > 0 ? h("p", {}, `and ${more} more pairs of codes`) : null);
+  fill(by("tag-warnings"), ...shown, more > 0 ? h("p", {}, t("setup.more_code_pairs", { more })) : null);
 }
 
-function labelOf(key: string): string {
-  return FIELDS.find((field) => field.key === key)?.label ?? key;
+function labelOf(key: string): Words {
+  return FIELDS.find((field) => field.key === key)?.label ?? verbatim(key);
 }
 
 function cell(row: number, key: string): HTMLElement | null {
@@ -370,7 +370,7 @@ function importButton(): HTMLElement {
     accept: ".txt,.toml,.csv,.db,.yaml,.yml",
     onchange: () => void importFiles(input),
   });
-  return h("label", { class: "file" }, "Import", input);
+  return h("label", { class: "file" }, t("common.import"), input);
 }
 
 async function importFiles(input: HTMLInputElement): Promise<void> {
@@ -385,8 +385,8 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
     draw();
     drawWarnings(answer.warnings);
     if (leftOut?.length) {
-      toast(`${rows.length} tags read. Check them, then save. Not selected in the file, so left out of this flight: ${leftOut.join(", ")}`, 4);
-    } else toast(`${rows.length} tags read. Check them, then save`, 6);
+      toast(t("setup.tags_read_some_left_out", { count: rows.length, tags: verbatim(leftOut.join(", ")) }), 4);
+    } else toast(t("setup.tags_read", { count: rows.length }), 6);
   } catch (error) {
     say(by("tag-fault"), reasonOf(error));
   }
@@ -403,44 +403,44 @@ function connectionForm(): HTMLElement {
         void connect(true);
       },
     },
-    h("label", {}, "How", h("select", { id: "link-kind", onchange: () => suggest() })),
-    h("label", {}, "Address", h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
-    h("label", { title: "A GPS receiver of this computer that speaks NMEA: serial:///dev/ttyACM0, udpin://127.0.0.1:10110, tcp://HOST:PORT" },
-      "My position, from a GPS receiver",
+    h("label", {}, t("common.how"), h("select", { id: "link-kind", onchange: () => suggest() })),
+    h("label", {}, t("common.address"), h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
+    h("label", { title: t("setup.my_place_hint") },
+      t("setup.my_place"),
       h("input", {
         id: "set-my-place",
         autocomplete: "off",
         spellcheck: "false",
-        placeholder: "empty: the browser's position",
+        placeholder: t("setup.my_place_empty"),
         onchange: () => void change({ my_place: value("set-my-place") }, "set-my-place"),
       }),
       h("span", { class: "fault", id: "set-my-place-fault" }),
     ),
-    h("label", { title: "Heights of the ground on the computer of the ground station: an SRTM tile (N47E008.hgt), a GeoTIFF, or a folder of them" },
-      "Heights of the ground, file or folder",
+    h("label", { title: t("setup.dem_hint") },
+      t("setup.dem"),
       h("input", {
         id: "set-dem",
         autocomplete: "off",
         spellcheck: "false",
-        placeholder: "empty: level ground",
+        placeholder: t("setup.dem_empty"),
         onchange: () => void change({ dem: value("set-dem") }, "set-dem"),
       }),
       h("span", { class: "fault", id: "set-dem-fault" }),
     ),
-    h("label", {}, "Drone's software", h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
-      h("option", { value: "G1" }, "uavrt, or TagTracker of 2026"),
-      h("option", { value: "G0" }, "the thesis, 2023"),
-      h("option", { value: "G2v1" }, "TagTracker, version 1"),
-      h("option", { value: "G2" }, "TagTracker, versions 4 to 7 (trial)"),
+    h("label", {}, t("setup.generation"), h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
+      h("option", { value: "G1" }, t("setup.generation_g1")),
+      h("option", { value: "G0" }, t("setup.generation_g0")),
+      h("option", { value: "G2v1" }, t("setup.generation_g2v1")),
+      h("option", { value: "G2" }, t("setup.generation_g2")),
     )),
-    h("label", {}, "Language", h("select", { id: "set-language", onchange: () => speakIn(value("set-language")) },
+    h("label", {}, t("common.language"), h("select", { id: "set-language", onchange: () => speakIn(value("set-language")) },
       ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
     )),
     h(
       "div",
       { class: "row" },
-      h("button", { id: "link-connect", class: "primary" }, "Connect"),
-      h("button", { id: "link-close", type: "button", onclick: () => void connect(false) }, "Disconnect"),
+      h("button", { id: "link-connect", class: "primary" }, t("setup.connect")),
+      h("button", { id: "link-close", type: "button", onclick: () => void connect(false) }, t("setup.disconnect")),
       h("span", { id: "link-state", class: "note", role: "status" }),
     ),
   );
@@ -453,11 +453,11 @@ function speakIn(name: string): void {
     return;
   }
   (by("set-language") as HTMLSelectElement).value = language;
-  toast("Save the tags first", 4);
+  toast(t("setup.save_first"), 4);
 }
 
 function antennaForm(): HTMLElement {
-  const number = (id: string, label: string, key: keyof Settings, hint: string) =>
+  const number = (id: string, label: Words, key: keyof Settings, hint: Words) =>
     h("label", { title: hint }, label, h("input", {
       id,
       inputmode: "decimal",
@@ -468,20 +468,20 @@ function antennaForm(): HTMLElement {
   return h(
     "form",
     { onsubmit: (event: Event) => event.preventDefault() },
-    h("label", {}, "Antenna", h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
-    number("set-offset", "Antenna turned clockwise from the drone's heading, °", "antenna_offset_deg", "Keep 0 if the drone's uavrt.toml describes the mounting"),
-    number("set-heading-error", "Compass error of a whole flight, ° (0: none)", "heading_error_deg", "Compass, mounting, declination: one standard deviation for a whole flight"),
-    number("set-height-error", "Height error of a whole flight, m (monopole)", "height_error_m", "Ground, a tag on a tree, a take-off on a hill: one standard deviation for a whole flight"),
-    number("set-gain", "Gain (empty: the drone's)", "gain", "In steps of the radio: Airspy 0 to 21"),
-    h("label", { title: "Shown when there are several vehicles, and with its flights" }, "Name of this vehicle", h("input", {
+    h("label", {}, t("common.antenna"), h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
+    number("set-offset", t("setup.antenna_offset"), "antenna_offset_deg", t("setup.antenna_offset_hint")),
+    number("set-heading-error", t("setup.heading_error"), "heading_error_deg", t("setup.heading_error_hint")),
+    number("set-height-error", t("setup.height_error"), "height_error_m", t("setup.height_error_hint")),
+    number("set-gain", t("setup.gain"), "gain", t("setup.gain_hint")),
+    h("label", { title: t("setup.vehicle_name_hint") }, t("setup.vehicle_name"), h("input", {
       id: "set-vehicle-name",
       autocomplete: "off",
       maxlength: "40",
       "data-setting": "vehicle_name",
       onchange: () => void change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
     }), h("span", { class: "fault", id: "set-vehicle-name-fault" })),
-    number("set-roaming", "Animals move in a minute, m (0: at rest)", "roaming_m", "The uncertainty of a position grows by it with age"),
-    number("set-frequency", "Radio frequency, MHz (empty: chosen by the drone)", "center_frequency_mhz", "Centre of the band"),
+    number("set-roaming", t("setup.roaming"), "roaming_m", t("setup.roaming_hint")),
+    number("set-frequency", t("setup.radio_frequency"), "center_frequency_mhz", t("setup.radio_frequency_hint")),
   );
 }
 
@@ -510,7 +510,7 @@ async function change(values: Record<string, string>, id?: string): Promise<void
 }
 
 async function connect(open: boolean): Promise<void> {
-  say(by("link-state"), open ? "connecting …" : "");
+  say(by("link-state"), open ? t("setup.connecting") : "");
   try {
     await send("POST", "/connection", { address: open ? value("link-address") : "" });
   } catch (error) {
@@ -524,15 +524,15 @@ function offer(): void {
   if (!choices) return;
   fill(
     by("link-kind"),
-    h("option", { value: "" }, "the address below"),
-    ...choices.ports.map((port) => h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`)),
-    h("option", { value: "udpin://127.0.0.1:14550" }, "UDP, together with QGroundControl or a simulator"),
-    h("option", { value: "udpin://0.0.0.0:14550" }, "UDP, from a telemetry Wi-Fi"),
-    h("option", { value: "tcp://127.0.0.1:5760", translate: "no" }, "TCP"),
+    h("option", { value: "" }, t("common.address_below")),
+    ...choices.ports.map((port) => h("option", { value: port.address, translate: "no" }, verbatim(`${port.device} ${port.description}`))),
+    h("option", { value: "udpin://127.0.0.1:14550" }, t("setup.udp_shared")),
+    h("option", { value: "udpin://0.0.0.0:14550" }, t("setup.udp_wi_fi")),
+    h("option", { value: "tcp://127.0.0.1:5760", translate: "no" }, verbatim("TCP")),
   );
-  fill(by("set-antenna"), ...Object.keys(choices.antennas).map((name) => h("option", { value: name, translate: "no" }, name)));
+  fill(by("set-antenna"), ...Object.keys(choices.antennas).map((name) => h("option", { value: name, translate: "no" }, verbatim(name))));
   const presets = by("tag-preset");
-  choices.presets.forEach((preset, place) => presets.append(h("option", { value: place, translate: "no" }, String(preset.name))));
+  choices.presets.forEach((preset, place) => presets.append(h("option", { value: place, translate: "no" }, verbatim(preset.name!))));
 }
 
 function suggest(): void {
@@ -564,9 +564,9 @@ function drawSettings(): void {
 function drawConnection(): void {
   const state = store.state;
   if (!state) return;
-  const text = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone connected" : "open; no contact with a drone yet") : "not connected");
+  const text = state.connection.error ? t("setup.connection_failed") : (state.connection.open ? (state.drone.present ? t("setup.drone_connected") : t("setup.no_contact_yet")) : t("setup.not_connected"));
   say(by("link-state"), text);
   const me = state.me;
-  const heard = me && (me.latitude_deg === null ? (me.error ?? "no position yet") : "");
-  if (document.activeElement !== by("set-my-place") && !refused.has("set-my-place")) say(by("set-my-place-fault"), heard ?? "");
+  const heard = me?.latitude_deg === null ? (me.error ? fromServer(me.error) : t("setup.no_position_yet")) : "";
+  if (document.activeElement !== by("set-my-place") && !refused.has("set-my-place")) say(by("set-my-place-fault"), heard);
 }

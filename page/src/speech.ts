@@ -1,6 +1,6 @@
 /** Speech by the browser's own voice, which works without a network. */
 
-import { language } from "./i18n";
+import { language, type Words } from "./i18n";
 
 let enabled = false;
 
@@ -13,7 +13,7 @@ export function setSpeaking(on: boolean): void {
   if (!on) window.speechSynthesis?.cancel();
 }
 
-export function speak(text: string): void {
+export function speak(text: Words): void {
   if (!("speechSynthesis" in window)) return;
   const words = new SpeechSynthesisUtterance(text);
   words.lang = language;

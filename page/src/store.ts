@@ -4,6 +4,7 @@
  */
 
 import { BASE, columns, get, PAGE, reasonOf } from "./api";
+import { t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { PULSE_NAMES, Pulses } from "./pulses";
 import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
@@ -181,10 +182,10 @@ class Store {
     return this.review ? this.review.rows : this.tags;
   }
 
-  tagName(id: number): string {
+  tagName(id: number): Words {
     const row = this.tagRows().find((one) => Number(one.id) === id);
     const name = row ? String(row.name ?? "") : "";
-    return name ? `${id} ${name}` : String(id);
+    return verbatim(name ? `${id} ${name}` : id);
   }
 
   tagOrder(id: number): number {
@@ -292,7 +293,7 @@ class Store {
       const found = await estimatesOf(flightId);
       if (ticket === this.opening) this.take(found);
     } catch (error) {
-      if (ticket === this.opening) toast(`Bearings and positions cannot be shown: ${reasonOf(error)}`, 3);
+      if (ticket === this.opening) toast(t("store.no_estimates", { reason: reasonOf(error) }), 3);
     }
   }
 

@@ -1,11 +1,11 @@
 /** A tap on the map: where that is, how far from me and the drone; marks and measuring. */
 
-import { translated } from "./i18n";
 import { get, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
 import { metres } from "./format";
 import { bearingDeg, distanceM, type LonLat } from "./geo";
+import { t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { herePlace } from "./shown";
 import { store } from "./store";
@@ -23,7 +23,7 @@ export function tapBox(made: FlightMap): HTMLElement {
   view = made;
   store.on(["state"], drawMe);
   view.onTap = (tap) => void show(tap);
-  return h("div", { id: "tap", class: "tap", hidden: true, role: "dialog", "aria-label": "This place" });
+  return h("div", { id: "tap", class: "tap", hidden: true, role: "dialog", "aria-label": t("tap.title") });
 }
 
 let catcher: ((at: LonLat) => void) | null = null;
@@ -41,7 +41,7 @@ async function show(tap: Tap): Promise<void> {
   }
   if (from) {
     view.setMeasure([from, tap.at]);
-    say(tap.at, `${way(from, tap.at)} from the first place`);
+    say(tap.at, t("tap.from_first", { way: way(from, tap.at) }));
     from = null;
     return;
   }
@@ -49,15 +49,15 @@ async function show(tap: Tap): Promise<void> {
   say(tap.at, "");
 }
 
-function way(a: LonLat, b: LonLat): string {
-  return `${metres(distanceM(a, b))}, ${Math.round(bearingDeg(a, b))}°`;
+function way(a: LonLat, b: LonLat): Words {
+  return verbatim(`${metres(distanceM(a, b))}, ${Math.round(bearingDeg(a, b))}°`);
 }
 
-function say(at: LonLat, measured: string): void {
+function say(at: LonLat, measured: Words | ""): void {
   const box = by("tap");
   const here = herePlace();
   const me = myPlace();
-  const place = h("div", { id: "tap-place", class: "tap-place" }, `${at[1].toFixed(6)}, ${at[0].toFixed(6)}`);
+  const place = h("div", { id: "tap-place", class: "tap-place" }, verbatim(`${at[1].toFixed(6)}, ${at[0].toFixed(6)}`));
   const close = () => {
     box.hidden = true;
     from = null;
@@ -68,14 +68,14 @@ function say(at: LonLat, measured: string): void {
     place,
     h("div", { id: "tap-mgrs", class: "note" }),
     measured ? h("div", { id: "tap-measured" }, measured) : null,
-    here ? h("div", { id: "tap-drone", class: "note" }, `${way(here.at, at)} from the drone`) : null,
-    me ? h("div", { id: "tap-me", class: "note" }, `${way(me, at)} from me`) : null,
+    here ? h("div", { id: "tap-drone", class: "note" }, t("tap.from_drone", { way: way(here.at, at) })) : null,
+    me ? h("div", { id: "tap-me", class: "note" }, t("tap.from_me", { way: way(me, at) })) : null,
     h(
       "div",
       { class: "row" },
-      h("button", { id: "tap-mark", onclick: () => void mark(at, close) }, "Mark"),
-      h("button", { id: "tap-measure", onclick: () => { from = at; toast("Tap the second place", 6); box.hidden = true; } }, "Measure"),
-      h("button", { onclick: close, "aria-label": "Close" }, "×"),
+      h("button", { id: "tap-mark", onclick: () => void mark(at, close) }, t("tap.mark")),
+      h("button", { id: "tap-measure", onclick: () => { from = at; toast(t("tap.second_place"), 6); box.hidden = true; } }, t("tap.measure")),
+      h("button", { onclick: close, "aria-label": t("common.close") }, verbatim("×")),
     ),
   );
   box.hidden = false;
@@ -88,7 +88,7 @@ function say(at: LonLat, measured: string): void {
 async function mark([longitude, latitude]: LonLat, close: () => void): Promise<void> {
   // It would go into the flight that goes on, not into the past one that is shown.
   if (!(await mayCommand("mark", () => undefined))) return;
-  const text = prompt(translated("Remark (optional)"));
+  const text = prompt(t("common.remark"));
   if (text === null) return;
   try {
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });
@@ -104,7 +104,7 @@ export function toggleMe(button: HTMLElement): void {
     navigator.geolocation.clearWatch(watching);
     [watching, browsers] = [null, null];
   } else if (!("geolocation" in navigator)) {
-    toast("This browser has no position", 5);
+    toast(t("tap.no_position"), 5);
     return;
   } else {
     watching = navigator.geolocation.watchPosition(
@@ -112,7 +112,7 @@ export function toggleMe(button: HTMLElement): void {
         browsers = [found.coords.longitude, found.coords.latitude];
         drawMe();
       },
-      (fault) => toast(`Your position is unknown: ${fault.message}`, 5),
+      (fault) => toast(t("tap.position_unknown", { reason: verbatim(fault.message) }), 5),
       { enableHighAccuracy: true, maximumAge: 5000 },
     );
   }

@@ -3,11 +3,20 @@
 import { BASE, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
+import { fromServer, t, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
 import type { FleetRecord } from "./types";
 
-const STATES: Record<string, string> = { detecting: "live", capturing: "live" };
+const CLASSES: Record<string, string> = { detecting: "live", capturing: "live" };
+/** States of a drone's software. */
+export const STATES: Record<string, Words> = {
+  idle: t("state.idle"),
+  receiving_tags: t("state.receiving_tags"),
+  has_tags: t("state.ready"),
+  detecting: t("state.detecting"),
+  capturing: t("state.capturing"),
+};
 
 /** The other vehicles whose place is known. */
 export function othersPlaced(): (FleetRecord & { pose: NonNullable<FleetRecord["pose"]> })[] {
@@ -15,8 +24,8 @@ export function othersPlaced(): (FleetRecord & { pose: NonNullable<FleetRecord["
   return fleet.filter((one): one is FleetRecord & { pose: NonNullable<FleetRecord["pose"]> } => one.page !== `${BASE}/` && one.pose !== null);
 }
 
-export function nameOf(one: FleetRecord): string {
-  return one.name || `vehicle ${one.system_id ?? "?"}`;
+export function nameOf(one: { name: string; system_id: number | null }): Words {
+  return one.name ? verbatim(one.name) : t("vehicles.vehicle", { number: verbatim(one.system_id ?? "?") });
 }
 
 /** Vehicles on the link without a page. */
@@ -30,9 +39,9 @@ export function unserved(): number[] {
 export async function serve(number: number): Promise<void> {
   try {
     await send("POST", "/vehicles", { system_id: number }, {}, "");
-    toast(`Also connected to vehicle ${number}. Its page is one tap away, above.`, 5);
+    toast(t("vehicles.served", { number }), 5);
   } catch (error) {
-    toast(String((error as Error).message), 3);
+    toast(reasonOf(error), 3);
   }
 }
 
@@ -45,18 +54,18 @@ export function drawVehicles(): void {
     h(
       "a",
       {
-        class: `chip vehicle ${one.present ? (STATES[one.state ?? ""] ?? "good") : "bad"}`,
+        class: `chip vehicle ${one.present ? (CLASSES[one.state ?? ""] ?? "good") : "bad"}`,
         href: one.page + location.hash,
         "data-vehicle": String(one.system_id),
         "aria-current": one.page === `${BASE}/` ? "page" : null,
         "aria-label": nameOf(one),
-        title: `${nameOf(one)}: ${one.present ? (one.state ?? "connected").replace("_", " ") : "no contact"}, ${one.pulses} pulses`,
+        title: t("vehicles.summary", { name: nameOf(one), state: one.present ? (STATES[one.state ?? ""] ?? t("vehicles.connected")) : t("vehicles.no_contact"), pulses: one.pulses }),
       },
-      one.name || `V${one.system_id ?? "?"}`,
+      verbatim(one.name || `V${one.system_id ?? "?"}`),
     ),
   );
   const buttons = heard.map((number) =>
-    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: `Another vehicle, ${number}, is on the link: open a page for it`, onclick: () => void serve(number) }, `Also connect to V${number}`),
+    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: t("vehicles.serve_hint", { number }), onclick: () => void serve(number) }, t("vehicles.serve", { number })),
   );
   const place = by("vehicles");
   const key = JSON.stringify([fleet.map((one) => [one.page, one.name, one.present, one.state, one.system_id]), heard, location.hash]);
@@ -69,10 +78,10 @@ export function drawVehicles(): void {
 // ------------------------------------------------------------------- to all
 
 /** What may be asked of all at once, with its label; nothing that moves a vehicle. */
-const TO_ALL: [string, string][] = [
-  ["send_tags", "Send tags"],
-  ["start", "Start"],
-  ["stop", "Stop"],
+const TO_ALL: [string, Words][] = [
+  ["send_tags", t("vehicles.send_tags")],
+  ["start", t("common.start")],
+  ["stop", t("common.stop")],
 ];
 
 interface Answers {
@@ -83,12 +92,12 @@ interface Answers {
 /** Buttons that ask all vehicles, and what each answered; nothing where there is but one. */
 export function toAllBox(): HTMLElement {
   const buttons = TO_ALL.map(([name, label]) =>
-    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: "Send to each vehicle of this station", onclick: () => void askAll(name) }, label),
+    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: t("vehicles.to_all_hint"), onclick: () => void askAll(name) }, label),
   );
   const box = h(
     "section",
-    { id: "to-all", class: "to-all", hidden: true, "aria-label": "To all vehicles" },
-    h("span", { class: "note" }, "To all:"),
+    { id: "to-all", class: "to-all", hidden: true, "aria-label": t("vehicles.to_all_label") },
+    h("span", { class: "note" }, t("vehicles.to_all")),
     ...buttons,
     h("div", { id: "all-answers", class: "all-answers", role: "status" }),
   );
@@ -109,12 +118,12 @@ async function askAll(name: string): Promise<void> {
       h(
         "li",
         { class: one.accepted ? "" : "fault-line", "data-vehicle": String(one.system_id) },
-        h("strong", { translate: one.name ? "no" : null }, one.name || `vehicle ${one.system_id ?? "?"}`),
+        h("strong", { translate: one.name ? "no" : null }, nameOf(one)),
         // Where a drone records is a path, and has no words.
-        h("span", { translate: one.message.includes("/") ? "no" : null }, one.message),
+        h("span", {}, one.message.includes("/") ? verbatim(one.message) : fromServer(one.message)),
       ),
     );
-    fill(by("all-answers"), h("ul", {}, ...rows), h("button", { id: "all-close", onclick: () => fill(by("all-answers")) }, "Close"));
+    fill(by("all-answers"), h("ul", {}, ...rows), h("button", { id: "all-close", onclick: () => fill(by("all-answers")) }, t("common.close")));
   } catch (error) {
     toast(reasonOf(error), 3);
   }

@@ -1,11 +1,11 @@
 /** Where to go: the position of the chosen tag, large, in the form that the people use. */
 
-import { translated } from "./i18n";
 import { get } from "./api";
 import { by, h, say } from "./dom";
 import { strongestSignal } from "./features";
-import { ago, metres } from "./format";
+import { ago, fixed, metres } from "./format";
 import { bearingDeg, compass, distanceM, type LonLat } from "./geo";
+import { fromServer, t, type TextId, verbatim, type Words } from "./i18n";
 import { toast } from "./notice";
 import { speak } from "./speech";
 import { store } from "./store";
@@ -31,22 +31,22 @@ export function walkBox(): HTMLElement {
           drawWalk();
         },
       },
-      { decimal: "°", dms: "° ′ ″", utm: "UTM", mgrs: "MGRS" }[name],
+      verbatim({ decimal: "°", dms: "° ′ ″", utm: "UTM", mgrs: "MGRS" }[name]),
     ),
   );
   return h(
     "div",
-    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": "Where to go" },
+    { id: "walk", class: "walk", hidden: true, role: "region", "aria-label": t("walk.title") },
     h("div", { class: "walk-head" }, h("span", { id: "walk-title" }), h("span", { id: "walk-sure" })),
     h("div", { id: "walk-place", class: "walk-place" }),
     h("div", { id: "walk-way", class: "walk-way" }),
-    h("ul", { id: "walk-remarks", class: "walk-remarks", tabindex: "0", "aria-label": "Remarks on the place" }),
+    h("ul", { id: "walk-remarks", class: "walk-remarks", tabindex: "0", "aria-label": t("walk.remarks") }),
     h(
       "div",
-      { class: "walk-formats", role: "group", "aria-label": "Form of the coordinates" },
+      { class: "walk-formats", role: "group", "aria-label": t("walk.formats") },
       ...formats,
-      h("button", { id: "walk-speak", class: "format", onclick: () => speak(spelled()) }, "Read aloud"),
-      h("button", { id: "walk-copy", class: "format", onclick: copyPlace }, "Copy"),
+      h("button", { id: "walk-speak", class: "format", onclick: () => speak(spelled()) }, t("walk.read_aloud")),
+      h("button", { id: "walk-copy", class: "format", onclick: copyPlace }, t("walk.copy")),
     ),
   );
 }
@@ -64,13 +64,12 @@ export function drawWalk(): void {
   });
   if (fix) {
     box.hidden = false;
-    say(by("walk-title"), `Tag ${store.tagName(id)}`);
-    const edge = fix.at_edge ? ", perhaps farther" : "";
+    say(by("walk-title"), t("common.tag_named", { tag: store.tagName(id) }));
     const age = store.age(id);
-    const old = age !== null && age >= OLD_S ? `, heard ${ago(age)}` : "";
-    say(by("walk-sure"), `within ${metres(store.radiusNow(fix))} (95\u202f%)${edge}${old}`);
-    box.classList.toggle("old", old !== "");
-    say(by("walk-place"), fix.readout[format] ?? fix.readout.decimal);
+    const old = age !== null && age >= OLD_S;
+    say(by("walk-sure"), sureWithin(metres(store.radiusNow(fix)), fix.at_edge, old ? ago(age) : null));
+    box.classList.toggle("old", old);
+    say(by("walk-place"), readoutOf(fix.readout));
     say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
     showRemarks(fix.remarks, fix.cautions.length);
     return;
@@ -86,18 +85,18 @@ export function drawWalk(): void {
     (one) => one.tag_id === id && one.accepted && one.start_time_ns <= store.until,
   );
   const last = turns.at(-1);
-  say(by("walk-title"), `Tag ${store.tagName(id)}: strongest signal`);
+  say(by("walk-title"), t("walk.strongest_signal", { tag: store.tagName(id) }));
   say(
     by("walk-sure"),
     last
-      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}${last.from_drone ? ", from the drone" : ""}: now turn at another place`
+      ? t(last.from_drone ? "walk.drones_bearing" : "walk.bearing", { bearing: fixed(last.bearing_deg, 0), direction: compass(last.bearing_deg) })
       : store.settings?.antenna === "monopole"
-        ? "fly on: with a monopole the flight path locates it"
-        : "turn on the spot for a bearing",
+        ? t("walk.fly_on")
+        : t("walk.turn"),
   );
   const key = best.join();
   if (strongest?.key === key) {
-    say(by("walk-place"), strongest.readout[format] ?? strongest.readout.decimal);
+    say(by("walk-place"), readoutOf(strongest.readout));
   } else {
     void get<Readout>(`/readout?latitude_deg=${best[1]}&longitude_deg=${best[0]}`).then((readout) => {
       strongest = { key, readout };
@@ -107,49 +106,58 @@ export function drawWalk(): void {
   say(by("walk-way"), wayTo(best));
 }
 
+function readoutOf(readout: Readout): Words {
+  return verbatim(readout[format] ?? readout.decimal);
+}
+
+function sureWithin(radius: Words, atEdge: boolean, age: Words | null): Words {
+  if (age) return t(atEdge ? "walk.within_or_farther_heard" : "walk.within_heard", { radius, age });
+  return t(atEdge ? "walk.within_or_farther" : "walk.within", { radius });
+}
+
 /** Remarks on the position: the cautions first. */
 function showRemarks(remarks: string[], cautions: number): void {
   const list = by("walk-remarks");
   if (list.dataset.shown === remarks.join("\n")) return;
   list.dataset.shown = remarks.join("\n");
   list.replaceChildren(
-    ...remarks.map((text, number) => h("li", { class: number < cautions ? "caution" : "" }, text)),
+    ...remarks.map((text, number) => h("li", { class: number < cautions ? "caution" : "" }, fromServer(text))),
   );
 }
 
 /** From where the people stand: their own place if it is known, or else where the drone took off. */
-function wayTo(place: LonLat): string {
+function wayTo(place: LonLat): Words | "" {
   const me = myPlace();
-  const from = me ? { at: me, named: "me" } : takeOff();
+  const from = me ? ({ at: me, named: "walk.from_me" } as const) : takeOff();
   if (!from) return "";
-  const far = distanceM(from.at, place);
   const way = bearingDeg(from.at, place);
-  return `${metres(far)} ${compass(way)} (${Math.round(way)}°) of ${from.named}`;
+  return t(from.named, { distance: metres(distanceM(from.at, place)), direction: compass(way), degrees: fixed(way, 0) });
 }
 
 const ON_GROUND_M = 3;
 
 /** The autopilot's home; or else where the track leaves the ground; or else its beginning, called that. */
-export function takeOff(): { at: LonLat; named: string } | null {
+export function takeOff(): { at: LonLat; named: TextId } | null {
   const { track, review, state } = store;
   const home = review ? review.home : state?.home;
-  if (home) return { at: [home.longitude_deg, home.latitude_deg], named: "the take-off" };
+  if (home) return { at: [home.longitude_deg, home.latitude_deg], named: "walk.from_take_off" };
   if (!track.count) return null;
   let last = -1;
   for (let place = 0; place < track.count && track.height[place]! < ON_GROUND_M; place += 1) last = place;
   const at = Math.max(0, last);
-  return { at: [track.lon[at]!, track.lat[at]!], named: last >= 0 ? "the take-off" : "where the track begins" };
+  return { at: [track.lon[at]!, track.lat[at]!], named: last >= 0 ? "walk.from_take_off" : "walk.from_first_place" };
 }
 
-function spelled(): string {
-  const place = by("walk-place").textContent ?? "";
-  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", translated("point")).replaceAll("-", translated("minus"))}. ${by("walk-way").textContent}`;
+function spelled(): Words {
+  const said = (id: string) => verbatim(by(id).textContent ?? "");
+  const letters = said("walk-place").split("").join(" ").replaceAll(".", t("walk.point")).replaceAll("-", t("walk.minus"));
+  return verbatim(`${said("walk-title")}. ${letters}. ${said("walk-way")}`);
 }
 
 function copyPlace(): void {
   const text = by("walk-place").textContent ?? "";
-  const refused = () => toast("This browser does not let the page copy", 5);
+  const refused = () => toast(t("walk.no_copy"), 5);
   // Over plain HTTP from another computer there is no clipboard.
   if (!navigator.clipboard) refused();
-  else void navigator.clipboard.writeText(text).then(() => toast("Copied", 6), refused);
+  else void navigator.clipboard.writeText(text).then(() => toast(t("walk.copied"), 6), refused);
 }

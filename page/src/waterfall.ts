@@ -3,6 +3,7 @@
 import { get, reasonOf, send } from "./api";
 import { by, h, say } from "./dom";
 import { clock } from "./format";
+import { t, verbatim } from "./i18n";
 import { store } from "./store";
 import type { WaterfallRecord } from "./types";
 
@@ -29,7 +30,7 @@ export function waterfallFigure(): HTMLElement {
   const address = h("input", {
     id: "waterfall-address",
     value: "udp://127.0.0.1:20000",
-    "aria-label": "Address of the channel's samples",
+    "aria-label": t("waterfall.address"),
     size: "22",
   });
   store.on(["waterfall"], takeLive);
@@ -42,13 +43,13 @@ export function waterfallFigure(): HTMLElement {
     h(
       "figcaption",
       { class: "toolbar" },
-      h("span", { id: "waterfall-title" }, "Waterfall"),
-      h("button", { id: "waterfall-back", class: "format", "aria-label": "Earlier", onclick: () => void step(-1) }, "◀"),
-      h("button", { id: "waterfall-on", class: "format", "aria-label": "Later", onclick: () => void step(1) }, "▶"),
+      h("span", { id: "waterfall-title" }, t("waterfall.title")),
+      h("button", { id: "waterfall-back", class: "format", "aria-label": t("waterfall.earlier"), onclick: () => void step(-1) }, verbatim("◀")),
+      h("button", { id: "waterfall-on", class: "format", "aria-label": t("common.later"), onclick: () => void step(1) }, verbatim("▶")),
       address,
-      h("button", { id: "waterfall-live", class: "format", "aria-pressed": "false", onclick: () => void toggleLive() }, "Live"),
+      h("button", { id: "waterfall-live", class: "format", "aria-pressed": "false", onclick: () => void toggleLive() }, t("waterfall.live")),
     ),
-    h("canvas", { id: "waterfall", role: "img", "aria-label": "Waterfall of the channel" }),
+    h("canvas", { id: "waterfall", role: "img", "aria-label": t("waterfall.label") }),
     h("p", { id: "waterfall-note", class: "note" }),
   );
 }
@@ -66,7 +67,7 @@ async function toggleLive(): Promise<void> {
     live = answer.address !== null;
     stretches = [];
     store.waterfall = [];
-    say(by("waterfall-note"), live ? `Waiting for samples at ${answer.address}` : "");
+    say(by("waterfall-note"), live ? t("waterfall.waiting", { address: verbatim(answer.address!) }) : "");
     by("waterfall-live").setAttribute("aria-pressed", String(live));
     if (!live) {
       asked = "";
@@ -83,7 +84,7 @@ function takeLive(): void {
   stretches.push(...store.waterfall.splice(0));
   const newest = stretches.at(-1)?.start_time_ns ?? 0;
   stretches = stretches.filter((one) => one.start_time_ns > newest - LIVE_S * 1e9);
-  say(by("waterfall-note"), "Live: 0\u202fHz is the middle of the channel");
+  say(by("waterfall-note"), t("waterfall.live_note"));
   draw();
 }
 
@@ -106,14 +107,14 @@ async function loadRecorded(): Promise<void> {
   try {
     const there = flight === null ? [] : await get<string[]>(`/flights/${encodeURIComponent(flight)}/recordings`);
     if (!there.length) {
-      say(note, "No recorded samples of this flight on this computer. Fetch the flight with its samples, or go live over a fast link.");
+      say(note, t("waterfall.no_samples"));
     } else if (store.selected !== null) {
-      say(note, "Reading …");
+      say(note, t("waterfall.reading"));
       const query = `tag=${store.selected}&start_s=${start}&length_s=${STRETCH_S}`;
       const found = await get<WaterfallRecord>(`/flights/${encodeURIComponent(flight!)}/waterfall?${query}`);
       if (mine !== asked) return;
       stretches = [found];
-      say(note, "0\u202fHz is the tag's nominal frequency; brightness from the noise to 30\u202fdB above it");
+      say(note, t("waterfall.recorded_note"));
     }
   } catch (error) {
     if (mine === asked) say(note, reasonOf(error));

@@ -5,54 +5,54 @@
 
 import { ApiError, BASE, get, getOnceThere, reasonOf, send } from "./api";
 import { fill, h, say } from "./dom";
-import { choose, language, LANGUAGES } from "./i18n";
+import { choose, fromServer, language, LANGUAGES, t, verbatim, type Words } from "./i18n";
 import type { Choices, Finding, SetUp } from "./types";
 
 type Values = Record<string, string | boolean>;
 
 interface Step {
   name: string;
-  title: string;
-  about: string;
+  title: Words;
+  about: Words;
   /** What the step can try, if anything. */
-  test?: string;
+  test?: Words;
   fields: (setup: SetUp) => Node[];
 }
 
 const STEPS: Step[] = [
   {
     name: "name",
-    title: "Name",
-    about: "Each drone has its own name. It names its Wi-Fi and the address of this page.",
-    fields: (setup) => [field("name", "Name", setup.values.name, "Small letters, digits and hyphens: lynx-1")],
+    title: t("common.name"),
+    about: t("wizard.about_name"),
+    fields: (setup) => [field("name", t("common.name"), setup.values.name, t("wizard.name_hint"))],
   },
   {
     name: "antenna",
-    title: "Antenna",
-    about: "Which antenna it carries, and its direction.",
+    title: t("common.antenna"),
+    about: t("wizard.about_antenna"),
     fields: (setup) => [
-      select("antenna", "Antenna", setup.choices.antennas.map((name) => [name, name]), setup.values.antenna),
-      field("yaw_offset_deg", "Pointing direction, clockwise from the nose, °", String(setup.values.yaw_offset_deg), "0 ahead, 90 to the right, 180 back"),
+      select("antenna", t("common.antenna"), setup.choices.antennas.map((name) => [name, name]), setup.values.antenna),
+      field("yaw_offset_deg", t("wizard.yaw"), String(setup.values.yaw_offset_deg), t("wizard.yaw_hint")),
     ],
   },
   {
     name: "radio",
-    title: "Radio",
-    about: "Plug the radio in before the test.",
-    test: "Test the radio",
+    title: t("common.radio"),
+    about: t("wizard.about_radio"),
+    test: t("wizard.test_radio"),
     fields: radioFields,
   },
   {
     name: "autopilot",
-    title: "Autopilot",
-    about: "Switch on the autopilot before the test. If empty, there is no autopilot and pulses get no position.",
-    test: "Test the link",
+    title: t("wizard.autopilot"),
+    about: t("wizard.about_autopilot"),
+    test: t("wizard.test_link"),
     fields: autopilotFields,
   },
   {
     name: "keys",
-    title: "Keys",
-    about: "Empty fields stay unchanged. Passwords take effect at the next start.",
+    title: t("wizard.keys"),
+    about: t("wizard.about_keys"),
     fields: keyFields,
   },
 ];
@@ -85,8 +85,8 @@ function draw(): void {
     h(
       "header",
       {},
-      h("h2", { id: "wizard-title" }, "First set-up of this computer"),
-      h("select", { id: "wizard-language", "aria-label": "Language", onchange: (event: Event) => choose((event.target as HTMLSelectElement).value) },
+      h("h2", { id: "wizard-title" }, t("wizard.title")),
+      h("select", { id: "wizard-language", "aria-label": t("common.language"), onchange: (event: Event) => choose((event.target as HTMLSelectElement).value) },
         ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
       ),
     ),
@@ -119,11 +119,11 @@ function draw(): void {
       h(
         "footer",
         {},
-        h("button", { id: "wizard-later", type: "button", onclick: () => dialog.close() }, "Later"),
+        h("button", { id: "wizard-later", type: "button", onclick: () => dialog.close() }, t("common.later")),
         h("span", { class: "gap" }),
-        at > 0 ? h("button", { id: "wizard-back", type: "button", onclick: () => go(at - 1) }, "Back") : null,
+        at > 0 ? h("button", { id: "wizard-back", type: "button", onclick: () => go(at - 1) }, t("wizard.back")) : null,
         step.test ? h("button", { id: "wizard-test", type: "button", onclick: () => void test() }, step.test) : null,
-        h("button", { id: "wizard-next", class: "primary" }, at === STEPS.length - 1 ? "Finish" : "Next"),
+        h("button", { id: "wizard-next", class: "primary" }, at === STEPS.length - 1 ? t("wizard.finish") : t("wizard.next")),
       ),
     ),
   );
@@ -142,18 +142,18 @@ function focusFirst(): void {
 
 // ------------------------------------------------------------------- fields
 
-function labelled(name: string, label: string, input: HTMLElement): HTMLElement {
+function labelled(name: string, label: Words, input: HTMLElement): HTMLElement {
   input.setAttribute("aria-describedby", `wizard-${name}-fault`);
   return h("label", {}, h("span", {}, label), input, h("span", { class: "fault", id: `wizard-${name}-fault` }));
 }
 
-function field(name: string, label: string, value: string, hint = "", type = "text"): HTMLElement {
+function field(name: string, label: Words, value: string, hint: Words | "" = "", type = "text"): HTMLElement {
   return labelled(name, label, h("input", { id: `wizard-${name}`, name, type, value, placeholder: hint, title: hint, autocomplete: "off", spellcheck: "false", maxlength: 1600 }));
 }
 
-function select(name: string, label: string, choices: [string, string][], value: string, onchange?: () => void): HTMLElement {
+function select(name: string, label: Words, choices: [string, string][], value: string, onchange?: () => void): HTMLElement {
   return labelled(name, label, h("select", { id: `wizard-${name}`, name, onchange },
-    ...choices.map(([key, text]) => h("option", { value: key, translate: "no", selected: key === value }, text)),
+    ...choices.map(([key, text]) => h("option", { value: key, translate: "no", selected: key === value }, verbatim(text))),
   ));
 }
 
@@ -165,14 +165,14 @@ function radioFields(): Node[] {
   const row = radios.find((one) => one.kind === chosen);
   const rate = chosen === setup.values.kind ? setup.values.sample_rate_msps : (row?.rate_msps ?? 3);
   return [
-    h("p", { class: "note" }, found ? `Plugged in: ${found}` : "No known USB radio is plugged in."),
-    select("kind", "Radio", radios.map((one) => [one.kind, one.title]), chosen, () => {
+    h("p", { class: "note" }, found ? t("wizard.plugged_in", { radios: verbatim(found) }) : t("wizard.no_radio")),
+    select("kind", t("common.radio"), radios.map((one) => [one.kind, one.title]), chosen, () => {
       const now = radios.find((one) => one.kind === input("kind").value);
       if (now) input("sample_rate_msps").value = String(now.rate_msps);
     }),
-    field("gain", "Gain", setup.values.gain === null ? "" : String(setup.values.gain), "empty: the default"),
-    field("sample_rate_msps", "Sample rate, MS/s", String(rate)),
-    labelled("bias_tee", "Power for an amplifier at the antenna", h("input", { id: "wizard-bias_tee", name: "bias_tee", type: "checkbox", checked: setup.values.bias_tee })),
+    field("gain", t("wizard.gain"), setup.values.gain === null ? "" : String(setup.values.gain), t("wizard.gain_empty")),
+    field("sample_rate_msps", t("wizard.sample_rate"), String(rate)),
+    labelled("bias_tee", t("wizard.bias_tee"), h("input", { id: "wizard-bias_tee", name: "bias_tee", type: "checkbox", checked: setup.values.bias_tee })),
   ];
 }
 
@@ -180,13 +180,13 @@ function autopilotFields(): Node[] {
   const ports = h("select", { id: "wizard-port", onchange: () => {
     if (ports.value) input("address").value = ports.value;
     forgetTest();
-  } }, h("option", { value: "" }, "the address below"));
+  } }, h("option", { value: "" }, t("common.address_below")));
   void getOnceThere<Choices>("/choices").then((choices) =>
-    choices.ports.forEach((port) => ports.append(h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`))),
+    choices.ports.forEach((port) => ports.append(h("option", { value: port.address, translate: "no" }, verbatim(`${port.device} ${port.description}`)))),
   );
   return [
-    h("label", {}, h("span", {}, "Serial ports found"), ports),
-    field("address", "Address", setup.values.address, "serial:///dev/ttyAMA0:57600"),
+    h("label", {}, h("span", {}, t("wizard.ports")), ports),
+    field("address", t("common.address"), setup.values.address, verbatim("serial:///dev/ttyAMA0:57600")),
   ];
 }
 
@@ -194,14 +194,14 @@ function keyFields(): Node[] {
   const file = h("input", { id: "wizard-update-file", type: "file", accept: ".pem", onchange: () => void file.files?.[0]?.text().then((text) => (update.value = text)) });
   const update = h("input", { type: "hidden", name: "update_key", id: "wizard-update_key" });
   return [
-    field("page_password", "New password of this page", "", "8 to 63 letters and digits", "password"),
-    field("wifi_password", "New password of its Wi-Fi", "", "8 to 63 letters and digits", "password"),
-    field("command_key", "Key for commands", "", setup.values.command_key ? "there is one; paste another, or type: new" : "none yet: type new, or paste one"),
-    h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, "Save it for a laptop") : "", h("span", {}, " Anyone who has this key can command the drone.")),
-    field("ssh_key", "Public ssh key of the maintainer", "", "ssh-ed25519 AAAA…, as in a .pub file"),
+    field("page_password", t("wizard.page_password"), "", t("wizard.password_hint"), "password"),
+    field("wifi_password", t("wizard.wi_fi_password"), "", t("wizard.password_hint"), "password"),
+    field("command_key", t("wizard.command_key"), "", setup.values.command_key ? t("wizard.key_exists") : t("wizard.key_missing")),
+    h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, t("wizard.save_key")) : "", verbatim(" "), h("span", {}, t("wizard.key_note"))),
+    field("ssh_key", t("wizard.ssh_key"), "", t("wizard.ssh_key_hint")),
     setup.values.update_key
-      ? h("p", { class: "note" }, "The update key is set already; an update can change it.")
-      : labelled("update_key", "Public key of the update signer", h("span", {}, file, update)),
+      ? h("p", { class: "note" }, t("wizard.update_key_set"))
+      : labelled("update_key", t("wizard.update_key"), h("span", {}, file, update)),
   ];
 }
 
@@ -220,7 +220,7 @@ function typed(): Values {
 function forgetTest(): void {
   tested = "";
   const element = dialog.querySelector("#wizard-next");
-  if (element) say(element, at === STEPS.length - 1 ? "Finish" : "Next");
+  if (element) say(element, at === STEPS.length - 1 ? t("wizard.finish") : t("wizard.next"));
 }
 
 /** Have the server judge and write the step; false where something is wrong. */
@@ -238,7 +238,7 @@ async function keep(): Promise<boolean> {
     const faults = error instanceof ApiError ? error.faults : [];
     for (const fault of faults) {
       const place = dialog.querySelector(`#wizard-${fault.field}-fault`);
-      if (place) say(place, fault.text);
+      if (place) say(place, fromServer(fault.text));
       dialog.querySelector(`[name="${fault.field}"]`)?.setAttribute("aria-invalid", "true");
     }
     if (faults[0]) dialog.querySelector<HTMLElement>(`[name="${faults[0].field}"]`)?.focus();
@@ -257,14 +257,14 @@ async function test(): Promise<boolean> {
   busy = true;
   const list = dialog.querySelector("#wizard-found")!;
   const button = dialog.querySelector<HTMLButtonElement>("#wizard-test")!;
-  fill(list, h("li", { class: "note" }, "Listening …"));
+  fill(list, h("li", { class: "note" }, t("wizard.listening")));
   button.setAttribute("aria-busy", "true");
   try {
     const found = await send<Finding[]>("POST", `/set-up/${STEPS[at]!.name}/test`, {});
     fill(list, ...found.map(row));
     tested = JSON.stringify(typed());
     const good = found.every((one) => one.ok);
-    say(dialog.querySelector("#wizard-next")!, good ? "Next" : "Continue anyway");
+    say(dialog.querySelector("#wizard-next")!, good ? t("wizard.next") : t("wizard.continue_anyway"));
     return good;
   } catch (error) {
     fill(list);
@@ -280,9 +280,9 @@ function row(one: Finding): HTMLElement {
   return h(
     "li",
     { class: one.ok ? "check-row good" : "check-row bad", "data-ok": String(one.ok) },
-    h("span", { class: "check-mark", "aria-hidden": "true" }, one.ok ? "✓" : "✗"),
-    h("span", { class: "wizard-said" }, h("span", { class: "hidden-word" }, one.ok ? "passed: " : "to fix: "), h("span", {}, one.text)),
-    one.remedy ? h("span", { class: "wizard-said remedy" }, one.remedy) : null,
+    h("span", { class: "check-mark", "aria-hidden": "true" }, verbatim(one.ok ? "✓" : "✗")),
+    h("span", { class: "wizard-said" }, h("span", { class: "hidden-word" }, one.ok ? t("check.passed") : t("check.to_fix")), verbatim(" "), h("span", {}, fromServer(one.text))),
+    one.remedy ? h("span", { class: "wizard-said remedy" }, fromServer(one.remedy)) : null,
   );
 }
 
@@ -301,14 +301,14 @@ async function finish(): Promise<void> {
     const finished = await send<{ name: string }>("POST", "/set-up/finish", {});
     fill(
       dialog,
-      h("header", {}, h("h2", { id: "wizard-title" }, "This computer is set up")),
-      h("p", {}, "Now switch it off and on. The settings take effect then."),
+      h("header", {}, h("h2", { id: "wizard-title" }, t("wizard.done"))),
+      h("p", {}, t("wizard.restart")),
       h("dl", { class: "wizard-end" },
-        h("dt", {}, "Its Wi-Fi"), h("dd", { translate: "no" }, finished.name),
-        h("dt", {}, "This page"), h("dd", { translate: "no" }, `http://${finished.name}.local:${location.port || "8650"}`),
+        h("dt", {}, t("wizard.its_wi_fi")), h("dd", { translate: "no" }, verbatim(finished.name)),
+        h("dt", {}, t("common.this_page")), h("dd", { translate: "no" }, verbatim(`http://${finished.name}.local:${location.port || "8650"}`)),
       ),
-      h("p", { class: "note" }, "Before it flies: type in the tags under Set-up, then go through Check."),
-      h("footer", {}, h("span", { class: "gap" }), h("button", { id: "wizard-close", class: "primary", onclick: () => dialog.close() }, "Close")),
+      h("p", { class: "note" }, t("wizard.before_it_flies")),
+      h("footer", {}, h("span", { class: "gap" }), h("button", { id: "wizard-close", class: "primary", onclick: () => dialog.close() }, t("common.close"))),
     );
     focusFirst();
   } catch (error) {

@@ -1,4 +1,4 @@
-"""Texts in the sources of the page, and the catalogue's words for them."""
+"""The page's texts by id, in every language, and the words for what the server says."""
 
 import json
 import re
@@ -7,8 +7,13 @@ from functools import cache
 from pathlib import Path
 
 PAGE = Path(__file__).parents[2] / "page/src"
-CATALOGUE: dict[str, str] = json.loads((PAGE / "texts.json").read_text(encoding="utf-8"))
-
+TEXTS: dict[str, dict[str, str]] = {
+    path.stem: json.loads(path.read_text(encoding="utf-8"))
+    for path in sorted((PAGE / "texts").glob("*.json"))
+}
+SERVER: dict[str, str] = json.loads((PAGE / "server_texts.json").read_text(encoding="utf-8"))
+"""What the server says, by id: English, with ``{}`` for what Python puts in."""
+GAP = re.compile(r"\{(\w+)\}")
 
 _SAID = re.compile(r"[^\W\d_]{2} [a-zäöüß]{2}")
 _CLAUSE = re.compile(
@@ -35,14 +40,15 @@ def plain(text: str) -> str:
     return text.replace("\u202f", " ")
 
 
-_WHOLE = {plain(text): words for text, words in CATALOGUE.items()}
+_GERMAN = [(text, TEXTS["de"][name]) for name, text in SERVER.items()]
+_WHOLE = {plain(text): words for text, words in _GERMAN}
 _PATTERNS = [
     (
         _pattern(text),
         words,
         [bool(re.search(r"[:(] ?$", before)) for before in text.split("{}")[:-1]],
     )
-    for text, words in sorted(CATALOGUE.items(), key=lambda one: -_bare_length(one[0]))
+    for text, words in sorted(_GERMAN, key=lambda one: -_bare_length(one[0]))
     if "{}" in text
 ]
 Found = tuple[str, list[str]]
@@ -54,12 +60,12 @@ GOES_ON = "place that nobody has words for. Look for it elsewhere"
 
 
 def filled_forms(gap: str) -> list[str]:
-    """Each text of the catalogue that has gaps, with this in all of them."""
-    return [text.replace("{}", gap) for text in CATALOGUE if "{}" in text]
+    """Each text of the server that has gaps, with this in all of them."""
+    return [text.replace("{}", gap) for text in SERVER.values() if "{}" in text]
 
 
-def told(text: str) -> Found:
-    """Give a text in German as the page does (`i18n.ts`): a test compares the two."""
+def in_german(text: str) -> Found:
+    """Give a text of the server in German as the page does (`i18n.ts`)."""
     return _find(text) or (text, _remainder(text))
 
 
@@ -107,18 +113,50 @@ def _ways(text: str) -> Iterator[Found]:
                 for rest in left
             )
             if not strange:
-                gaps = re.split(r"\{\}", words)
-                filled = zip(gaps, [*(one for one, _ in found), ""], strict=True)
-                yield "".join(map("".join, filled)), [rest for _, one in found for rest in one]
+                yield (
+                    _filled(words, [one for one, _ in found]),
+                    [rest for _, one in found for rest in one],
+                )
+
+
+def _filled(words: str, parts: list[str]) -> str:
+    return GAP.sub(lambda gap: parts[int(gap[1]) - 1], words)
 
 
 def _joined(parts: list[str], between: str) -> Found:
-    found = [told(part) for part in parts]
+    found = [in_german(part) for part in parts]
     return between.join(one for one, _ in found), [rest for _, one in found for rest in one]
 
 
 def _remainder(text: str) -> list[str]:
     return [text] if re.search(r"[^\W\d_]{3}", _UNITS.sub("", text)) else []
+
+
+def calls(source: str, function: str) -> Iterator[str]:
+    """Yield what a function is called with, wherever a TypeScript source calls it."""
+    for found in re.finditer(rf"(?<![\w.]){function}\(", source):
+        place, depth = found.end(), 1
+        while depth:
+            if source[place] in "\"'":
+                place = source.index(source[place], place + 1)
+            depth += {"(": 1, ")": -1}.get(source[place], 0)
+            place += 1
+        yield source[found.end() : place - 1]
+
+
+def gap_names(call: str) -> set[str] | None:
+    """Return names of the gaps that a call of ``t`` fills, None where they are a variable."""
+    _, _, gaps = call.partition(", ")
+    if not gaps:
+        return set()
+    if not gaps.startswith("{"):
+        return None
+    inside = gaps.strip("{ }")
+    while inside != (
+        flat := re.sub(r"\([^()]*\)|\[[^\[\]]*\]|\{[^{}]*\}|\"[^\"]*\"", "", inside)
+    ):
+        inside = flat
+    return {part.partition(":")[0].strip() for part in inside.split(",") if part.strip()}
 
 
 EXPRESSION = re.compile(r"/(?![*/ ])(?:\\.|\[[^\]\n]*\]|[^/\n\\])+/[a-z]*(?=[.,;) ])")

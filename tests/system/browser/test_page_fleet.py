@@ -56,7 +56,7 @@ def test_all_vehicles_are_started_and_stopped_and_each_answer_is_shown(
     expect(page.locator("#to-all")).to_be_visible()
     first.state = SystemState.HAS_TAGS
     expect(page.locator('.chip.vehicle[data-vehicle="2"]')).to_have_attribute(
-        "title", "vehicle 2: idle, 0 pulses"
+        "title", "vehicle 2: Idle, 0 pulses"
     )
     page.click("#all-start")
     answers = page.locator("#all-answers li")

@@ -1,13 +1,16 @@
-"""The page for everybody: accessible by axe's rules, by keyboard alone, in German."""
+"""The page for all: by axe's rules, by keyboard alone, in German, with longer texts."""
 
 import io
 import json
+import re
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any
 
 import pytest
+from moved_page import GUIDANCE
 from page_driver import Scene, axe_findings
-from page_texts import GOES_ON, filled_forms, told
+from page_texts import GOES_ON, SERVER, TEXTS, filled_forms, in_german
 from past_flight import write_flight
 from PIL import Image
 from playwright.sync_api import Page, expect
@@ -30,6 +33,14 @@ FOCUSED = """() => { const one = document.activeElement; const style = getComput
 CLIPPED = """() => [...document.querySelectorAll("button, .tab, .chip, .check-name")]
   .filter((one) => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1)
   .map((one) => one.textContent)"""
+STICKING_OUT = """() => [...document.querySelectorAll("body *")]
+  .filter((one) => one.childElementCount === 0 && one.textContent.trim())
+  .filter((one) => one.checkVisibility({ visibilityProperty: true }))
+  .filter((one) => !one.closest(".hidden-word, .skip, .table-wrap, svg, option"))
+  .filter((one) => { const { width, left, right } = one.getBoundingClientRect();
+    return width > 1 && (left < -1 || right > innerWidth + 1); })
+  .map((one) => one.textContent)"""
+PHONE_PX = 390
 SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40;
   while (performance.now() < end); requestAnimationFrame(burn); };
   requestAnimationFrame(burn); }"""
@@ -109,6 +120,54 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_la
     assert not missing, json.dumps(sorted(missing), indent=1, ensure_ascii=False)
 
 
+def longer(text: str) -> str:
+    """Lengthen each word by 40 %, but no gap, address or number."""
+    numbers = iter(range(1, 99))
+    text = re.sub(r"\{\}", lambda _: f"{{{next(numbers)}}}", text)
+    grown = r"(?<![\w{/:.-])[^\W\d_]{2,}(?![\w}/:.-]*[/:}])"
+    return re.sub(grown, lambda word: word[0] + word[0][-1] * -(-2 * len(word[0]) // 5), text)
+
+
+def motions(page: Page) -> Iterator[str]:
+    """Go through what a drone can be asked to fly."""
+    page.click("#tab-fly")
+    page.click("#show-move")
+    for kind in page.locator(".kind").all():
+        kind.click()
+        yield f"move: {kind.inner_text()}"
+    page.click("#show-tags")
+
+
+def test_texts_that_are_longer_by_two_fifths_break_no_view_of_a_phone(scene: Scene) -> None:
+    """The language's file, fetched by the page, is replaced."""
+    for east_m in (120.0, 150.0):
+        write_flight(scene.here, east_m, 300.0)
+    scene.drone(guidance=GUIDANCE, flies=True)
+    texts = {name: longer(text) for name, text in (TEXTS["en"] | SERVER).items()}
+    watched = scene.watch(locale="de-DE", plain_map=False)
+    page = watched.page
+    page.set_viewport_size({"width": PHONE_PX, "height": 844})
+    body = f"export default {json.dumps(texts)}"
+    page.route(
+        "**/assets/de-*.js",
+        lambda route: route.fulfill(content_type="text/javascript", body=body),
+    )
+    page.reload()
+    expect(page.locator("#tab-flights")).to_have_text("Flightssss")
+    ready(page)
+    expect(page.locator("#motion-bar")).to_be_visible()
+    bad: list[Any] = []
+    for state in chain(motions(page), states(page)):
+        bad += [
+            (state, *one) for one in axe_findings(page) if one[0] in ("serious", "critical")
+        ]
+        bad += [(state, "cut off", one) for one in page.evaluate(CLIPPED)]
+        bad += [(state, "sticks out", one) for one in page.evaluate(STICKING_OUT)]
+        wide = page.evaluate("() => document.documentElement.scrollWidth")
+        bad += [(state, "wide", wide)] if wide > PHONE_PX else []
+    assert not bad, json.dumps(bad, indent=1, ensure_ascii=False)
+
+
 def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
     scene: Scene,
 ) -> None:
@@ -132,11 +191,11 @@ def test_the_page_finds_the_words_that_the_tests_find(scene: Scene) -> None:
     said = watched.page.evaluate(
         """texts => texts.map((text) => {
           window.uavrt.missing.clear();
-          return [window.uavrt.translated(text), [...window.uavrt.missing]];
+          return [window.uavrt.fromServer(text), [...window.uavrt.missing]];
         })""",
         texts,
     )
-    ours = [(words, list(dict.fromkeys(left))) for words, left in map(told, texts)]
+    ours = [(words, list(dict.fromkeys(left))) for words, left in map(in_german, texts)]
     assert [(words, left) for words, left in said] == ours
 
 

@@ -6,7 +6,7 @@ import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from page_texts import CATALOGUE
+from page_texts import SERVER
 
 from uavrt.errors import UsageError
 from uavrt.ground.store.tag_table import (
@@ -291,6 +291,6 @@ def test_codes_that_are_near_are_named_in_words_that_the_page_has() -> None:
     assert not faults
     (words,) = warnings_of(tags)
     assert words.startswith(f"codes {CODED_ROW['id']} and 14 differ by 0.4 ms")
-    known = (re.escape(text).replace(r"\{\}", ".+") for text in CATALOGUE)
+    known = (re.escape(text).replace(r"\{\}", ".+") for text in SERVER.values())
     assert any(re.fullmatch(text, words) for text in known)
     assert warnings_of(tags_from_rows([CODED_ROW, ROW])[0]) == []
