@@ -23,7 +23,7 @@ from uavrt.tunnel.g0 import HeaderMessage
 
 MOST_LINES, MOST_METHODS, MOST_ATTRIBUTES = 250, 20, 12
 LARGER = {
-    "GroundProtocol": (236, 20, 15),
+    "GroundProtocol": (234, 20, 15),
     "GroundStore": (206, 22, 14),
     "VehicleWatch": (193, 16, 18),
 }
