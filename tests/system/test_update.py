@@ -141,7 +141,7 @@ def test_headers_that_cannot_be_are_refused_before_anything_is_read(
     content[148:156] = b"%06o\0 " % sum(content[:512])
     path = tmp_path / "wrong.tar"
     path.write_bytes(content)
-    with pytest.raises(FormatError, match="no update, or damaged"):
+    with pytest.raises(FormatError, match="not an update, or is damaged"):
         read_update(path, maker.keys())
 
 
@@ -169,7 +169,7 @@ def test_only_listed_keys_count_and_only_their_owner_may_change_them(maker: Make
     keys.write_text(maker.other_public + maker.public)
     assert read_update(maker.tar("0.2.0"), keys).version == "0.2.0"
     keys.chmod(0o666)
-    with pytest.raises(UsageError, match="others than root may change"):
+    with pytest.raises(UsageError, match="users other than root may change"):
         read_update(maker.tar("0.2.0"), keys)
     keys.write_text("")
     keys.chmod(0o644)
