@@ -235,10 +235,12 @@ class Commanded:
         if self.yaw is None or seen.yaw_deg is None:
             return None
         wish = self.wish
-        here = seen.way_to(wish) if isinstance(wish, FlyThere) else (None, 0.0)
+        made_s = self._made_s(seen)
+        if not isinstance(wish, FlyThere):
+            return self.yaw.fault(made_s, seen.yaw_deg)
         follows = self.manners.follows_course and seen.speed_m_s > COURSE_M_S
-        course = seen.course_deg if follows and isinstance(wish, FlyThere) else None
-        return self.yaw.fault(self._made_s(seen), seen.yaw_deg, *here, course_deg=course)
+        course_deg = seen.course_deg if follows else None
+        return self.yaw.fault(made_s, seen.yaw_deg, *seen.way_to(wish), course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
         """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
