@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from uavrt.analysis.measure.recorded_pulses import DetectionSummary
 from uavrt.messages import IQBlock
 from uavrt.radio.live_source import LiveSource
 from uavrt.radio.placing import Placer
@@ -66,6 +67,13 @@ def test_a_small_shortfall_is_known_within_half_a_minute(speed: float) -> None:
     assert placer.withdrawn == placer.lost == sum(block.lost_before for block in blocks)
     assert before <= 1.2 * (1.0 / speed - 1.0) * 22.0 * RATE_HZ
     assert "slower" in str(placer.unseen)
+
+
+def test_the_summary_of_a_slow_source_counts_no_loss() -> None:
+    summary = DetectionSummary(samples=1000, samples_lost=60, samples_unsure=40, signal_s=11.0)
+    summary.withdraw(90, 100.0)
+    assert (summary.samples_lost, summary.samples_unsure) == (10, 0)
+    assert summary.signal_s == pytest.approx(10.1)
 
 
 def test_a_source_that_becomes_slow_is_known_within_six_seconds() -> None:
