@@ -12,9 +12,11 @@ from their original files. Damaged months are made again.
 import hashlib
 import os
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -24,6 +26,9 @@ from uavrt.batch.tables import FLIGHTS, MONTHS, RECORDINGS, ROWS, SCHEMA_VERSION
 from uavrt.errors import FormatError, needs_extra
 from uavrt.foreign import decode_record, require_plain_file
 from uavrt.units import NANOSECONDS_PER_SECOND
+
+if TYPE_CHECKING:
+    import duckdb
 
 LEAST_FILES = 100
 """Fewer files than this are opened one by one."""
@@ -120,14 +125,30 @@ def _name(table: str, month: str, keys: list[str]) -> str:
     return f"{_folder(table)}{month}-{said}.parquet"
 
 
-def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
-    """Write the rows of many files into one; DuckDB sorts them on the disk if necessary."""
+@contextmanager
+def duckdb_connection(**limits: str) -> Iterator["duckdb.DuckDBPyConnection"]:
+    """Open DuckDB; Ctrl-C in a query is a KeyboardInterrupt, as everywhere else.
+
+    `limits`: of DuckDB, such as `threads` and `memory_limit`.
+    Raises `UsageError`: the extra is missing.
+    """
     with needs_extra("batch", "An archive"):
         import duckdb
+    try:
+        with duckdb.connect(config={**limits}) as connection:
+            yield connection
+    except RuntimeError as error:
+        if str(error) == "Query interrupted":
+            raise KeyboardInterrupt from error
+        raise
+
+
+def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
+    """Write the rows of many files into one; DuckDB sorts them on the disk if necessary."""
     files = [output / table / f"{key}.parquet" for key in keys]
     target = output / name
     make_directories(target.parent)
-    with replacing(target) as part, duckdb.connect() as connection:
+    with replacing(target) as part, duckdb_connection() as connection:
         connection.execute(
             f"COPY (SELECT * FROM {rows_of(files)} ORDER BY tag_id, start_time_ns) "
             f"TO {quoted(part)} (FORMAT parquet, COMPRESSION zstd, "

@@ -7,7 +7,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from uavrt.atomic_file import replacing
-from uavrt.batch.months import Copy, Index, quoted, read_index, source_of
+from uavrt.batch.months import Copy, Index, duckdb_connection, quoted, read_index, source_of
 from uavrt.batch.seals import sealed
 from uavrt.batch.tables import (
     FLIGHTS,
@@ -120,7 +120,7 @@ def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]
     recordings = quoted(archive / RECORDINGS)
     size = f"SELECT num_rows, file_size_bytes FROM parquet_file_metadata({recordings})"
     try:
-        with duckdb.connect(config={**limits}) as connection:
+        with duckdb_connection(**limits) as connection:
             rows, size_bytes = connection.sql(size).fetchall()[0]
             if rows > size_bytes:  # a batch writes the path of each
                 raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows of nothing")

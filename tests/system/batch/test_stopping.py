@@ -13,6 +13,7 @@ from command_line import launched
 from past_flight import write_flight
 from until import until
 
+from uavrt.batch.months import duckdb_connection
 from uavrt.cli.detect import stop_on_signals
 
 
@@ -65,6 +66,23 @@ def test_ctrl_c_ends_each_stage_in_two_seconds(
     ended = (0, -signal.SIGINT) if "placed now" in said and "stopped" not in said else (130,)
     assert program.returncode in ended
     assert "Traceback" not in said
+
+
+def test_ctrl_c_in_a_query_of_duckdb_is_an_interrupt() -> None:
+    pairs = "range(10000000) AS one, range(9999) AS other"
+
+    def ask() -> None:
+        with duckdb_connection() as connection:
+            signal.setitimer(signal.ITIMER_REAL, 0.3)
+            connection.execute(f"SELECT max(one.range * other.range) FROM {pairs}")
+
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            ask()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def has_open(pid: int, name: str) -> bool:
