@@ -1,10 +1,12 @@
-"""The ``uavrt`` command; one module per subcommand, imported when it is called."""
+"""The ``uavrt`` command; one module per subcommand, imported when it is called.
 
-from typing import TYPE_CHECKING
+Nothing is imported here: until `uavrt.cli.__main__` runs, Ctrl-C leaves Python's traceback.
+"""
 
-from uavrt.lazy import lazily
 
-if TYPE_CHECKING:
-    from uavrt.cli.__main__ import main as main
+def __getattr__(name: str) -> object:
+    if name == "main":
+        from uavrt.cli.__main__ import main
 
-__all__, __getattr__ = lazily(__name__, {"__main__": "main"})
+        return main
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -27,8 +27,8 @@ ON_S = 0.3
 COURSE_S = 1.0
 """Time within which a heading follows the course over ground [s]. After a new target near the
 old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its course."""
-COURSE_M_S = 0.2
-"""Least speed at which a course is known [m/s]."""
+COURSE_M_S = 0.5
+"""Least speed at which ArduCopter's heading follows the course: 5 % of its speed [m/s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
 

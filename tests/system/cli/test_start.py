@@ -13,10 +13,11 @@ STARTS = [["-m", "uavrt.cli"], ["-c", "from uavrt.cli.__main__ import main; main
 
 
 @pytest.mark.parametrize("start", STARTS, ids=["module", "script"])
+@pytest.mark.parametrize("imported", ["typing", "cyclopts"], ids=["first", "later"])
 def test_a_stop_among_the_imports_ends_without_a_traceback(
-    start: list[str], tmp_path: Path
+    start: list[str], imported: str, tmp_path: Path
 ) -> None:
-    (tmp_path / "cyclopts.py").write_text(SLOW_IMPORT)
+    (tmp_path / f"{imported}.py").write_text(SLOW_IMPORT)
     began = launched(
         *(*start, "detect"),
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
@@ -26,6 +27,6 @@ def test_a_stop_among_the_imports_ends_without_a_traceback(
     assert began.stdout is not None
     assert began.stdout.readline() == "begun\n"
     began.send_signal(signal.SIGINT)
-    _, told = began.communicate(timeout=30)
-    assert told == ""
+    _, output = began.communicate(timeout=30)
+    assert output == ""
     assert began.returncode == -signal.SIGINT

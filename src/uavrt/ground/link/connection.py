@@ -56,10 +56,10 @@ class Connection:
         """Whether the drone is in contact."""
         return self.link is not None and self.link.protocol.present(now_ns)
 
-    async def open(self, tags: Sequence[Tag]) -> None:
+    async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
         """Open the link that is set; a further vehicle's joins that of the first.
 
-        `tags`: those that the drone holds.
+        `tags`: gets those that the drone holds.
         Raises `LinkError`: it cannot be opened; `error` says why, too.
         """
         settings = self._store.settings
@@ -72,7 +72,7 @@ class Connection:
         link = self._make_link(
             generation=settings.generation, receipts=self._receipts, identity=self._identity
         )
-        link.protocol.set_tags(tags)
+        link.protocol.set_tags(tags())
         self.watch = VehicleWatch(link.protocol.own, self._identity)
         joins = self._store.system_id is not None
         addresses = () if joins else settings.address.split()

@@ -93,7 +93,7 @@ class ServedVehicle:
     async def connect(self) -> None:
         """Open the link that is set, in place of any other; raises `LinkError`."""
         await self.disconnect()
-        await self.connection.open(self.drone.sent_tags)
+        await self.connection.open(lambda: self.drone.sent_tags)
 
     async def disconnect(self) -> None:
         """Close the link."""

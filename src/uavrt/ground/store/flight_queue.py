@@ -111,7 +111,9 @@ class FlightQueue:
         if fault is not None and not self._reported:
             log.warning("flight not written", reason=fault)
         self._reported = fault is not None
-        if at_once or monotonic_s() >= self._retry_at_s:
+        if at_once:
+            self._retry_at_s = 0.0
+        if monotonic_s() >= self._retry_at_s:
             self._works.write()
 
     def _written(
