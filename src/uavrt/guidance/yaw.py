@@ -24,9 +24,12 @@ TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
 ON_S = 0.3
 """Within this time of a command, a reported setpoint may be older than the command [s]."""
-COURSE_S = 1.0
-"""Time within which a heading follows the course over ground [s]. After a new target near the
-old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its course."""
+COURSE_S, FOLLOWS_DEG = 1.0, 3.0
+"""A heading on its way to a course turns by at least so much in this time [s, deg]. After a
+new target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its
+course."""
+EITHER_WAY_DEG = 150.0
+"""A course farther from the heading than this may be turned to in either direction."""
 COURSE_M_S = 0.5
 """Least speed at which ArduCopter's heading follows the course: 5 % of its speed [m/s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
@@ -73,8 +76,8 @@ class YawWatch:
     _on_deg: float = 0.0
     """Angle by which the setpoint continued its earlier turn since the command."""
     _ended: bool = False
-    _courses: deque[tuple[float, float]] = field(default_factory=deque)
-    """Times [s] and courses over ground [deg] of the last `COURSE_S`."""
+    _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
+    """Times [s], headings and courses over ground [deg] of the last `COURSE_S`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -123,28 +126,29 @@ class YawWatch:
         self._turns |= not there and off < self._first_deg - BEGUN_DEG
         if time_s - self.start_s < TURNS_ON_S:
             most += self._turned_on_deg(time_s, step, off)
-        course_deg = course_deg if away_m > FROZEN_M else None
-        most = max(most, self._course_off_deg(time_s, aim, yaw_deg, course_deg))
+        follows = self._follows_course(time_s, yaw_deg, course_deg, away_m)
         stands = time_s - self._moved_s > STOPPED_S
         if self.exact and self._turns and not there and stands and not self._turns_on:
             return OTHERS_TURN  # a setpoint that began to turn continues to its aim
-        return OTHERS_TURN if off > most else None
+        return OTHERS_TURN if off > most and not follows else None
 
     @property
     def _tolerance_deg(self) -> float:
         return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
 
-    def _course_off_deg(
-        self, time_s: float, aim_deg: float, yaw_deg: float, course_deg: float | None
-    ) -> float:
-        """Angle from the aim by which the latest courses explain a heading on their side."""
-        if course_deg is not None:
-            self._courses.append((time_s, course_deg))
+    def _follows_course(
+        self, time_s: float, yaw_deg: float, course_deg: float | None, away_m: float
+    ) -> bool:
+        """Whether the heading turns from where it was to where the drone moved then."""
         while self._courses and self._courses[0][0] < time_s - COURSE_S:
             self._courses.popleft()
-        side = copysign(1.0, wrap_degrees_180(yaw_deg - aim_deg))
-        offs = (side * wrap_degrees_180(course - aim_deg) for _, course in self._courses)
-        return max(offs, default=-180.0) + self._tolerance_deg
+        follows = any(
+            _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
+            for _, before_deg, course in self._courses
+        )
+        if course_deg is not None and away_m > FROZEN_M:
+            self._courses.append((time_s, yaw_deg, course_deg))
+        return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
         """Note since when a measured heading looks to the target."""
@@ -209,6 +213,16 @@ class YawWatch:
         soonest = min(abs(self.turn_deg), passed) + self.tolerance_deg
         least = self._best_deg - self.tolerance_deg
         return None if least <= self.turned_deg <= soonest else OTHERS_TURN
+
+
+def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
+    """Whether a heading has turned from an earlier one towards a goal, and not far beyond."""
+    left = wrap_degrees_180(goal_deg - before_deg)
+    turned = wrap_degrees_180(yaw_deg - before_deg)
+    towards = turned if left >= 0.0 else -turned
+    if abs(left) > EITHER_WAY_DEG:
+        towards = abs(turned)
+    return FOLLOWS_DEG <= towards <= abs(left) + tolerance_deg
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:

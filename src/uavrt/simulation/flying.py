@@ -297,18 +297,18 @@ class FlyingVehicle:
     def _aim_deg(self, target: Target) -> float | None:
         """Direction in which the autopilot looks on its way; None: as before.
 
-        PX4 looks to a target that is not near. ArduCopter looks along its course.
+        PX4 looks to a target that is not near, ArduCopter along its course.
         """
         if not self.commanded:
             return None
         place = self.body.place_m
         north, east = target.north_m - place[0], target.east_m - place[1]
+        if math.hypot(north, east) <= LOOKS_UNTIL_M:
+            return None
         if self.flavour == "ardupilot":
             north, east = self.body.velocity_m_s[:2]
             if math.hypot(north, east) < COURSE_M_S:
                 return None
-        elif math.hypot(north, east) <= LOOKS_UNTIL_M:
-            return None
         return math.degrees(math.atan2(east, north)) % 360.0
 
     def _land(self) -> None:

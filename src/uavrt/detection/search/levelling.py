@@ -506,7 +506,9 @@ def level_together(
         if good is None or good.all():
             continue
         usual = (level * leveller._now[leveller.band_of])[:, np.newaxis]
-        unknown.append((columns, ~good, columns[:, ~good] / usual))
+        share = np.zeros_like(columns[:, ~good])
+        np.divide(columns[:, ~good], usual, out=share, where=usual > 0.0)
+        unknown.append((columns, ~good, share))
         columns[:, ~good] = usual
     _level_together(levellers, power, noise, first, whole)
     for columns, at, share in unknown:
