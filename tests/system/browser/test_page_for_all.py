@@ -188,6 +188,7 @@ def test_the_page_finds_the_words_that_the_tests_find(scene: Scene) -> None:
         GOES_ON,
         "17 m · not detected · new",
     ]
+    watched.page.wait_for_function("() => window.uavrt !== undefined")
     said = watched.page.evaluate(
         """texts => texts.map((text) => {
           window.uavrt.missing.clear();
