@@ -32,8 +32,6 @@ HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
 DO_PAUSE_CONTINUE = 193
 """MAV_CMD of a ground station's pause; uavrt neither sends nor obeys it."""
 FULL_SCALE_DEG = 1e7
-COURSE_M_S = 0.5
-"""Speed below which ArduCopter's heading stays, 5 % of its default speed [m/s]."""
 SPOOL_S = 1.5
 """From the command until it leaves the ground."""
 IDLE_S = 10.0
@@ -291,24 +289,17 @@ class FlyingVehicle:
         ground.correct_home(step_s, body.elapsed_s)
         target = None if self.paused else self.target
         body.move(target, step_s, paused=self.paused)
-        self.heading.advance(self._aim_deg(target or body.here), step_s)
+        self.heading.advance(self._bearing_deg(target or body.here), step_s)
         self._land()
 
-    def _aim_deg(self, target: Target) -> float | None:
-        """Direction in which the autopilot looks on its way; None: as before.
-
-        PX4 looks to a target that is not near, ArduCopter along its course.
-        """
+    def _bearing_deg(self, target: Target) -> float | None:
+        """Bearing to the target of a command that is not near."""
         if not self.commanded:
             return None
         place = self.body.place_m
         north, east = target.north_m - place[0], target.east_m - place[1]
         if math.hypot(north, east) <= LOOKS_UNTIL_M:
             return None
-        if self.flavour == "ardupilot":
-            north, east = self.body.velocity_m_s[:2]
-            if math.hypot(north, east) < COURSE_M_S:
-                return None
         return math.degrees(math.atan2(east, north)) % 360.0
 
     def _land(self) -> None:
