@@ -16,7 +16,7 @@ from uavrt.guidance.progress import (
     Progress,
 )
 from uavrt.guidance.stopping import stops_within_m
-from uavrt.guidance.yaw import COURSE_M_S, YawWatch
+from uavrt.guidance.yaw import COURSE_M_S, FAST_M_S, FROZEN_M, YawWatch
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
 
@@ -238,9 +238,11 @@ class Commanded:
         made_s = self._made_s(seen)
         if not isinstance(wish, FlyThere):
             return self.yaw.fault(made_s, seen.yaw_deg)
-        follows = self.manners.follows_course and seen.speed_m_s > COURSE_M_S
+        bearing_deg, away_m = seen.way_to(wish)
+        least_m_s = COURSE_M_S if away_m > FROZEN_M else FAST_M_S
+        follows = self.manners.follows_course and seen.speed_m_s > least_m_s
         course_deg = seen.course_deg if follows else None
-        return self.yaw.fault(made_s, seen.yaw_deg, *seen.way_to(wish), course_deg)
+        return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
         """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""

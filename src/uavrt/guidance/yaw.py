@@ -25,13 +25,15 @@ TURNS_ON_S = 6.0
 ON_S = 0.3
 """Within this time of a command, a reported setpoint may be older than the command [s]."""
 COURSE_S, FOLLOWS_DEG = 1.0, 3.0
-"""A heading on its way to a course turns by at least so much in this time [s, deg]. After a
+"""A heading on its way to a course turns by at least this angle in this time [s, deg]. After a
 new target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its
 course."""
 EITHER_WAY_DEG = 150.0
 """A course farther from the heading than this may be turned to in either direction."""
 COURSE_M_S = 0.5
 """Least speed at which ArduCopter's heading follows the course: 5 % of its speed [m/s]."""
+FAST_M_S = 1.0
+"""The same nearer than `FROZEN_M`, where the drone returns from its overshoot [m/s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
 
@@ -126,7 +128,7 @@ class YawWatch:
         self._turns |= not there and off < self._first_deg - BEGUN_DEG
         if time_s - self.start_s < TURNS_ON_S:
             most += self._turned_on_deg(time_s, step, off)
-        follows = self._follows_course(time_s, yaw_deg, course_deg, away_m)
+        follows = self._follows_course(time_s, yaw_deg, course_deg)
         stands = time_s - self._moved_s > STOPPED_S
         if self.exact and self._turns and not there and stands and not self._turns_on:
             return OTHERS_TURN  # a setpoint that began to turn continues to its aim
@@ -136,9 +138,7 @@ class YawWatch:
     def _tolerance_deg(self) -> float:
         return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
 
-    def _follows_course(
-        self, time_s: float, yaw_deg: float, course_deg: float | None, away_m: float
-    ) -> bool:
+    def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
         """Whether the heading turns from where it was to where the drone moved then."""
         while self._courses and self._courses[0][0] < time_s - COURSE_S:
             self._courses.popleft()
@@ -146,7 +146,7 @@ class YawWatch:
             _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
             for _, before_deg, course in self._courses
         )
-        if course_deg is not None and away_m > FROZEN_M:
+        if course_deg is not None:
             self._courses.append((time_s, yaw_deg, course_deg))
         return follows
 

@@ -17,6 +17,14 @@ FLOWN = [
 ]
 """Heading [°] and velocity north and east [m/s] of ArduCopter 4.7 (SITL) every 0.1 s after a
 new target, given while it still flew to one that was 1 m away."""
+SWUNG = [
+    *((288.6, 0.23, 106.0), (293.0, 0.38, 106.0), (299.7, 0.55, 106.0), (308.6, 0.74, 106.0)),
+    *((319.7, 0.95, 105.0), (333.0, 1.17, 105.0), (348.5, 1.4, 104.0), (6.1, 1.63, 103.0)),
+    *((23.6, 1.85, 102.0), (40.4, 2.05, 101.0), (55.8, 2.24, 100.0), (69.9, 2.39, 98.0)),
+    *((82.8, 2.52, 96.0), (94.2, 2.6, 91.0)),
+]
+"""Heading [°], distance [m] and course [°] of the same, commanded to stay where it was; it
+flew 2.6 m away, faster than 1 m/s, and came back. The bearing was -75°."""
 PEAK = max(range(len(FLOWN)), key=lambda number: FLOWN[number][0])
 
 
@@ -51,3 +59,9 @@ def test_a_heading_that_turns_away_from_both_course_and_bearing_is_not_ours() ->
     away = [(yaw - 10.0 * n, north, east) for n, (yaw, north, east) in enumerate(FLOWN)]
     assert OTHERS_TURN in faults(turned)
     assert OTHERS_TURN in faults(away)[:8]
+
+
+def test_a_heading_that_follows_a_fast_course_near_the_target_is_ours() -> None:
+    watch = YawWatch(start_s=0.0, yaw_deg=SWUNG[0][0], tolerance_deg=YAW_DEG)
+    for number, (yaw, away_m, course) in enumerate(SWUNG):
+        assert watch.fault(0.1 * number, yaw, -75.0, away_m, course) is None
