@@ -1,6 +1,7 @@
 """Commands arrive although other topics are flooded: real gateway, real DDS, wild programs."""
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from uavrt.config.settings import Ros2Settings
 from uavrt.ros2.graph import TOPICS
 
 ACT_WITHIN_S = 1.0
+COUNTED_WITHIN_S = 15.0
 RATE = 10_000.0
 
 
@@ -33,6 +35,21 @@ def counters(gateway: Any) -> dict[str, float]:
     return dict(gateway.receive("health", 2)[-1].counters)
 
 
+def counters_when(gateway: Any, true: Callable[[dict[str, float]], bool]) -> dict[str, float]:
+    """Counters once they are as they should: DDS may still hold a part of a flood.
+
+    Raises
+    ------
+    AssertionError
+        They are not within 15 s.
+    """
+    end_s = time.monotonic() + COUNTED_WITHIN_S
+    while time.monotonic() < end_s:
+        if true(told := counters(gateway)):
+            return told
+    raise AssertionError(told)
+
+
 @pytest.mark.parametrize(
     "topic", ["pulse", "store_tag_information", "control_detector_subprocess"]
 )
@@ -47,13 +64,16 @@ def test_ten_thousand_messages_a_second_delay_no_order_and_are_counted(
     with flood(ros_domain, topic, rate=RATE, seconds=3.0) as wait:
         delays = delays_of_orders(gateway, ros_peer, 2.0)
         sent = wait()
-    told = counters(gateway)
     assert max(delays) < ACT_WITHIN_S
     assert sent > 0.5 * 3.0 * RATE
-    dropped = told["ros2_messages_dropped"]
-    assert dropped <= sent
-    if not told["ros2_readers_full"]:
-        assert sent - dropped <= row.burst + 10.0 * row.per_s
+    told = counters_when(
+        gateway,
+        lambda told: (
+            bool(told["ros2_readers_full"])
+            or sent - told["ros2_messages_dropped"] <= row.burst + 10.0 * row.per_s
+        ),
+    )
+    assert told["ros2_messages_dropped"] <= sent
     lines = [line.msg for line in logs.messages()]
     assert any(line.startswith(f"{topic}: dropped messages: ") for line in lines)
 
@@ -72,4 +92,4 @@ def test_one_enormous_message_a_second_delays_no_order_and_is_counted(
         delays = delays_of_orders(gateway, ros_peer, 2.0)
         sent = wait()
     assert max(delays) < ACT_WITHIN_S
-    assert counters(gateway)["ros2_messages_dropped"] == sent
+    counters_when(gateway, lambda told: told["ros2_messages_dropped"] == sent)
