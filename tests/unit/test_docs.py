@@ -21,6 +21,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 CODE_SPAN = re.compile(r"`([^`\n]+)`")
 COMMAND = re.compile(r"(?:^|[|&;]\s*|\.venv/bin/|\s)uavrt (\w[\w-]*)")
+CODE = {".py", ".ts", ".sh", ".c", ".h"}
 MAKE = re.compile(r"(?:^|\s)make ([\w-]+)")
 
 
@@ -177,20 +178,31 @@ def test_where_a_change_goes_is_told_by_files_that_exist() -> None:
     assert not {one for one in paths if not ((source / one).exists() or (ROOT / one).exists())}
 
 
-def test_every_decision_has_its_own_number_and_says_it() -> None:
-    pages = [path for path in DOCS if path.parent.name == "decisions" and path.stem != "index"]
-    numbers = [path.stem[:4] for path in pages]
-    assert len(set(numbers)) == len(numbers)
-    for path in pages:
-        title = path.read_text(encoding="utf-8").splitlines()[0]
-        assert re.match(rf"# (Decision )?{path.stem[:4]}\b", title), name_of(path)
+DECISIONS = sorted((ROOT / "docs/decisions").glob("0*.md"))
 
 
-def test_every_decision_says_once_what_its_state_is_and_since_when() -> None:
-    pages = sorted((ROOT / "docs/decisions").glob("0*.md"))
-    assert len(pages) > 70
-    for path in pages:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        told = [line for line in lines if re.match(r"\W*(Status|Date)\b.*:", line)]
-        assert len(told) == 1, name_of(path)
-        assert re.match(r"Status: \w+, \d{4}-\d{2}-\d{2}\b", told[0]), name_of(path)
+def test_every_decision_has_one_number_one_status_and_the_same_four_parts() -> None:
+    assert len({path.stem[:4] for path in DECISIONS}) == len(DECISIONS)
+    for path in DECISIONS:
+        title, _, status, *text = path.read_text(encoding="utf-8").splitlines()
+        assert title.startswith(f"# {path.stem[:4]} "), name_of(path)
+        assert re.match(r"Status: accepted, \d{4}-\d{2}-\d{2}\b", status), name_of(path)
+        parts = [found[1] for line in text if (found := re.match(r"\*\*(\w+)\.\*\*", line))]
+        assert parts == ["Context", "Decision", "Alternatives", "Consequences"], name_of(path)
+
+
+def test_the_list_of_decisions_has_a_line_for_each_of_at_most_forty() -> None:
+    page = (ROOT / "docs/decisions/index.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| \[(\d{4})\]\((.+?)\.md\) \| .{20,} \|$", page, re.MULTILINE)
+    assert listed == [(path.stem[:4], path.stem) for path in DECISIONS]
+    assert len(DECISIONS) <= 40
+
+
+def test_every_decision_that_is_cited_exists() -> None:
+    numbers = {path.stem[:4] for path in DECISIONS}
+    cited = [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "hatch_build.py"]
+    for folder in ("src", "tests", "docs/_ext", "page/src", "deploy", "native"):
+        cited += [path for path in (ROOT / folder).rglob("*") if path.suffix in CODE]
+    for path in cited:
+        text = path.read_text(encoding="utf-8")
+        assert set(re.findall(r"decisions?[/ ](0\d{3})\b", text)) <= numbers, name_of(path)

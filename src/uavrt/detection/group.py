@@ -2,9 +2,8 @@
 
 A detector looks at its samples every 0.44 s. Between, its blocks wait here, once for all tags
 of a channel; when tags are due at the same time and stand at the same place of their streams,
-what is the same for all of them is done together (docs/decisions/0147). The pulses are those
-of the detectors alone, but where bands overlap: there each train of pulses is one tag's
-(docs/decisions/0159).
+what is the same for all of them is done together. The pulses are those of the detectors alone,
+but where bands overlap: there each train of pulses is one tag's.
 
 A detector searches all that has come when one more block would make it more than 0.44 s, since
 a step costs the same whatever its length; fixed steps of 0.35 s would leave a part of a block

@@ -1,8 +1,8 @@
 """The search that starts from cells strong enough to be a pulse of a group: anchors.
 
 Searches of several tags are done together: the work on their cells and hypotheses is one long
-array for all of them, and a call of NumPy costs more than what a single tag gives it to do
-(docs/decisions/0147). A search alone is a group of one.
+array for all of them, and a call of NumPy costs more than what a single tag gives it to do.
+A search alone is a group of one.
 """
 
 import bisect
