@@ -1,7 +1,9 @@
 """The documents say only what is there: links, commands, make targets, settings."""
 
+import ast
 import dataclasses
 import re
+import runpy
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -157,16 +159,28 @@ def test_every_tag_file_in_the_documents_is_read_without_fault(tmp_path: Path) -
         assert read_tags(path)
 
 
-def test_the_map_of_the_code_names_every_package_and_only_files_that_exist() -> None:
+def test_the_map_of_the_code_is_as_its_script_writes_it_and_names_files_that_exist() -> None:
     page = (ROOT / "docs/explanation/where-does-it-live.md").read_text(encoding="utf-8")
+    script = runpy.run_path(str(ROOT / "docs/_ext/code_map.py"))
+    assert page == script["written"](page), "run: python docs/_ext/code_map.py"
     spans = set(CODE_SPAN.findall(FENCE.sub("", page)))
     source = ROOT / "src/uavrt"
-    packages = {path.parent.name for path in source.glob("*/__init__.py")}
-    assert packages <= spans
+    assert {path.parent.name for path in source.glob("*/__init__.py")} <= spans
     paths = {span for span in spans if re.fullmatch(r"[\w/]+(/|\.py)", span)}
     assert {
         span for span in paths if not ((source / span).exists() or (ROOT / span).exists())
     } == set()
+
+
+def test_every_module_that_a_package_presents_exists() -> None:
+    """In `__init__` a lower-case name is a module of the package, or one of its functions."""
+    for package in (ROOT / "src/uavrt").rglob("__init__.py"):
+        text = ast.get_docstring(ast.parse(package.read_text(encoding="utf-8"))) or ""
+        modules = list(package.parent.rglob("*.py"))
+        there = {path.stem for path in modules} | {path.parent.name for path in modules}
+        for name in set(re.findall(r"(?<!`)`([a-z_0-9]+)`(?!`)", text)) - there:
+            defined = (f"def {name}(" in path.read_text(encoding="utf-8") for path in modules)
+            assert any(defined), f"{name_of(package)}: {name}"
 
 
 def test_where_a_change_goes_is_told_by_files_that_exist() -> None:

@@ -1,7 +1,7 @@
-"""Put the samples of a channel in order, clean them, and measure pulses in them.
+"""Put the samples of a channel in order and clean them.
 
 `block_order` sorts blocks, `samples` buffers the recent ones and their gaps,
 `signal_cleaning` and `carrier_lines` remove impulses and carriers, `whitening` and `sparks`
 make the noise white and steady, `occupancy` measures how much of the time a frequency is
-usable, `refine` measures a pulse.
+usable.
 """
