@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
+from uavrt.guidance.safety import SAFETY
 from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
 """Above sea level [m] at latitudes and longitudes; NaN where nothing is known."""
-APART_M = 15.0
-"""Map and autopilot at home: farther apart, and nothing is flown by the map."""
 STEP_M = 10.0
 _MOST_STEPS = 300
 
@@ -80,4 +79,4 @@ class GroundAround:
     def apart_m(self, home_amsl_m: float) -> float | None:
         """How far the autopilot's home is above the map's, where that is too much."""
         apart = home_amsl_m - self.home_amsl_m
-        return apart if abs(apart) > APART_M else None
+        return apart if abs(apart) > SAFETY.home_height_error_m else None

@@ -5,9 +5,10 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from uavrt.guidance.neighbours import MISSING_S, SEPARATION, nearest_m, other_drones_of
+from uavrt.guidance.neighbours import SEPARATION, nearest_m, other_drones_of
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.plans import too_windy
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.search_task import CYCLE_S, SearchTask
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.messages import FoundTag, Neighbour
@@ -41,7 +42,7 @@ class SearchDecisions:
         new = []
         for one in others:
             course = one.course
-            if course is None or not course.searching or one.age_s > MISSING_S:
+            if course is None or not course.searching or one.age_s > SAFETY.missing_s:
                 continue
             for tag in course.found:
                 found = self._found_by(one.vehicle, tag, time_s)

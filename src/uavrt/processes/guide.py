@@ -22,11 +22,11 @@ from uavrt.guidance.area_text import keep_out_in
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.manners import manners_of
-from uavrt.guidance.offers import HOME_MOVED_M
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.search_task import TAG_HEIGHT_M, Equipment
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.shared_search import SharedSearch
@@ -432,7 +432,7 @@ class Guide:
         The authority knows no home before the offer; fence, ground and way home are of the
         one that was planned with.
         """
-        if distance_m(*offered.home, *now.home) > HOME_MOVED_M:
+        if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
                 "home was moved while the order was planned", remedy="Ask for the motion again"
             )
