@@ -9,7 +9,8 @@ from uavrt.guidance.neighbours import SEPARATION, nearest_m, other_drones_of
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.plans import too_windy
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.search_task import CYCLE_S, SearchTask
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import SearchTask
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.messages import FoundTag, Neighbour
 from uavrt.planning.actions import Action, FlyTo, Hold, Return
@@ -104,7 +105,9 @@ class SearchDecisions:
             reason = _meets(decision.action, state, drones)
         if reason is None:
             return decision
-        return Decision(action=Hold(duration_s=CYCLE_S), reason=f"{decision.action} {reason}")
+        return Decision(
+            action=Hold(duration_s=SEARCH.cycle_s), reason=f"{decision.action} {reason}"
+        )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
         """How an action leads over people or buildings, whoever has planned it.
