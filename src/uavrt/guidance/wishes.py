@@ -1,4 +1,4 @@
-"""Write the command to the autopilot that does what a pilot wishes. Pure."""
+"""Write the autopilot's command for a motion that the pilot requests. Pure."""
 
 from dataclasses import dataclass
 from math import isfinite, nan, radians
@@ -31,21 +31,21 @@ class VehicleCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandWriter:
-    """Writes commands for one autopilot, and none beyond its bounds."""
+    """Writes commands for one autopilot, within its limits."""
 
     manners: Manners
     lowest_m: float = 20.0
     highest_m: float = 120.0
-    """Heights above home beyond which nothing is commanded."""
+    """Range of commanded heights above home."""
     farthest_m: float = 1000.0
-    """The same for the distance from home."""
+    """Greatest commanded distance from home."""
 
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        """Write the command of a wish; heights count from an altitude, the datum.
+        """Write the command of a request, with heights above the altitude `datum_m`.
 
-        Raises `CommandRefused`: it is beyond the bounds, or this autopilot has no such command.
+        Raises `CommandRefused`: it exceeds the limits, or the autopilot has no such command.
         """
         match wish:
             case FlyThere():
