@@ -231,8 +231,7 @@ class Pilot:
         return now.time_s - self._there_s >= step.stay_s
 
     def _urgent(self, now: VehicleNow) -> Step | None:
-        """Return if the battery requires it; hold or return if no ground station is received.
-        """
+        """Return if the battery requires it; hold or return without a ground station."""
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
