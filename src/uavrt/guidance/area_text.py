@@ -147,14 +147,17 @@ def _kept(one: _Outline) -> KeepOut:
             raise ValueError(f'the point "{name}" to keep out of needs a radius_m')
         return KeepOut(places=_checked(one.corners), name=name)
     if isinstance(radius, bool) or not 0.0 < float(radius) < 1e5:
-        raise ValueError(f"a radius of {radius} m")
+        raise ValueError(f"the radius of {radius} m is not positive")
     return KeepOut(places=_checked(one.corners, 1), radius_m=float(radius), name=name)
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     """Corners of a circle; raises `FormatError` for a radius that is not positive."""
     if not 0.0 < radius_m < 1e5:
-        raise FormatError(f"a circle of {radius_m:g} m", remedy="Give a radius above 0")
+        raise FormatError(
+            f"the circle's radius of {radius_m:g} m is not positive",
+            remedy="Give a radius above 0",
+        )
     plane = TangentPlane(latitude_deg=center[0], longitude_deg=center[1])
     angles = [2.0 * pi * number / CIRCLE_CORNERS for number in range(CIRCLE_CORNERS)]
     places = [plane.to_geodetic(radius_m * sin(a), radius_m * cos(a)) for a in angles]

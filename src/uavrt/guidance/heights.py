@@ -28,11 +28,11 @@ def check_height(
         raise PlanError(
             f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
             f"the least is {lowest_m:.0f} m",
-            remedy="Ask for a greater height",
+            remedy="Choose a greater height",
         )
     if above > highest_m:
         raise PlanError(
             f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
             f"the most is {highest_m:.0f} m",
-            remedy="Ask for a smaller height",
+            remedy="Choose a smaller height",
         )

@@ -90,7 +90,7 @@ class Offers:
         """Replace the offer; a used nonce raises `CommandRefused`."""
         if offer.nonce in self._used:
             raise CommandRefused(
-                "this nonce was used before", remedy="Ask for the motion again"
+                "this nonce was used before", remedy="Request the motion again"
             )
         self._used.add(offer.nonce)
         self._withdrawn, self._offer = None, offer
@@ -102,12 +102,12 @@ class Offers:
             raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
-                "this order is not on offer", remedy="Ask for the motion again, then confirm"
+                "this order is not on offer", remedy="Request the motion again, then confirm"
             )
         if now_s - offer.made_s > OFFER_HOLDS_S:
             raise CommandRefused(
-                f"the order was asked for {now_s - offer.made_s:.0f} s ago",
-                remedy=f"Ask for the motion again, then confirm within {OFFER_HOLDS_S:.0f} s",
+                f"the order was requested {now_s - offer.made_s:.0f} s ago",
+                remedy=f"Request the motion again, then confirm within {OFFER_HOLDS_S:.0f} s",
             )
         return offer
 

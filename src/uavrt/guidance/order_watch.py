@@ -130,17 +130,21 @@ class OrderWatch:
             raise CommandRefused("this is not what was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
         if changes_mode and now_s - mode.time_s > CHANGE_MODE_AGE_S:
-            raise CommandRefused("the mode was not seen just now")
+            raise CommandRefused("the autopilot's mode was not reported just now")
         if not first and mode.mode != vehicle.manners.own_mode:
-            raise CommandRefused("the first command is not yet seen to be obeyed")
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the first command"
+            )
         motion = self.motion
         if motion is not None and not motion.obeyed:
-            raise CommandRefused("the command before is not yet seen to be obeyed")
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the previous command"
+            )
         if motion is not None and not stops:
             brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
             brakes &= not isinstance(wish, GoHome)
             if brakes or motion.progress.stands(now_s, SLOW_S):
-                raise CommandRefused("the drone comes no nearer to its target")
+                raise CommandRefused("the drone is not approaching its target")
         if not first and not self.offer.takeoff and vehicle.target_age_s(now_s) > TARGET_AGE_S:
             raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
         if self.offer.takeoff and not vehicle.on_ground(now_s):
@@ -182,7 +186,7 @@ class OrderWatch:
         lost = vehicle.lost(now_s)
         if lost is None and self.hands is not None:
             unseen = not vehicle.sees_sticks(now_s, STICKS_LOST_S)
-            lost = "the sticks are not seen any more" if unseen else self.hands.sure(now_s)
+            lost = "the sticks are no longer reported" if unseen else self.hands.sure(now_s)
         if lost is not None:
             return lost
         if self.motion is not None:
@@ -269,5 +273,5 @@ class OrderWatch:
         if self.hands is None:
             return "a remote control was switched on" if seen.channels_us else None
         if not seen.channels_us:
-            return "the sticks are not seen any more"
+            return "the sticks are no longer reported"
         return self.hands.see(seen)

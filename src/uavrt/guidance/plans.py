@@ -154,7 +154,8 @@ def _takeoff(
 def _only_place(order: Order) -> tuple[Place, ...]:
     if len(order.places) != 1:
         raise PlanError(
-            f"{len(order.places)} places to go to", remedy="Give one latitude and longitude"
+            f"goto takes one position, got {len(order.places)}",
+            remedy="Give one latitude and longitude",
         )
     return order.places
 
@@ -185,7 +186,8 @@ def _turn_steps(
     least = 360.0 / _FASTEST_TURN_DEG_S
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
-            f"a whole turn in {order.duration_s:g} s", remedy=f"Give {least:.0f} to 600 s"
+            f"a whole turn cannot take {order.duration_s:g} s",
+            remedy=f"Give {least:.0f} to 600 s",
         )
     if now.yaw_deg is None:
         raise PlanError("the heading is not known", remedy="Wait for the compass")
@@ -215,7 +217,10 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
     if order.pattern == "around":
         return (*order.places, order.places[0])
     if not 5.0 <= order.spacing_m <= 1000.0:
-        raise PlanError(f"lines {order.spacing_m:g} m apart", remedy="Give 5 to 1000 m")
+        raise PlanError(
+            f"the line spacing of {order.spacing_m:g} m is out of range",
+            remedy="Give 5 to 1000 m",
+        )
     lines = survey_lines(outline, order.spacing_m, most=_MOST_LINES)
     if order.pattern == "points":
         lines = _points_on(lines, order.spacing_m)
@@ -300,12 +305,13 @@ def check_keep_out(
     reason = area.entered(x[:1], y[:1])
     if reason is not None:
         raise PlanError(
-            f"where the drone is, a way {reason}", remedy="Fly it by hand away from there"
+            f"from the drone's position, a path {reason}",
+            remedy="Fly it away from there by hand",
         )
     reason = area.entered(x, y)
     if reason is not None:
         raise PlanError(
-            f"the way {reason}", remedy="Fly round it in several orders, or take off elsewhere"
+            f"the path {reason}", remedy="Fly round it in several orders, or take off elsewhere"
         )
 
 
@@ -352,14 +358,15 @@ def check_ground(
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
         if flown < needed - BELOW_M:
             raise PlanError(
-                f"over its ground, or home from it, the way needs {needed:.0f} m above home",
+                f"to clear the ground, the path or its return needs {needed:.0f} m above home",
                 remedy="Climb first: `uavrt fly hold --height`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
         if np.isfinite(low) and height - low > limits.highest_m + BELOW_M:
             raise PlanError(
-                f"{height:.0f} m above home is {height - low:.0f} m above ground on the way",
-                remedy="Ask for a smaller height",
+                f"{height:.0f} m above home is {height - low:.0f} m above ground on the "
+                "path, which is too high",
+                remedy="Choose a smaller height",
             )
 
 
@@ -437,7 +444,7 @@ def _way(
         )
     reason = area.refusal(np.append(x, 0.0), np.append(y, 0.0), height)
     if reason is not None:
-        raise PlanError(f"the way {reason}", remedy="Choose another height or place")
+        raise PlanError(f"the path {reason}", remedy="Choose another height or place")
     check_keep_out(order, limits, plane, stations)
     check_ground(stations, now, limits, height)
     length = float(np.hypot(np.diff(x), np.diff(y)).sum())
@@ -479,8 +486,7 @@ def check_battery(
     left = limits.battery_wh * now.battery_percent / 100.0
     if left < needed:
         raise PlanError(
-            f"the route, the way home and the reserve take {needed:.0f} Wh; "
-            f"{left:.0f} are left",
+            f"the route, the return and the reserve take {needed:.0f} Wh; {left:.0f} are left",
             remedy="Fly less far, or change the battery",
         )
 
@@ -540,4 +546,4 @@ def must_return(now: VehicleNow, limits: Limits) -> str | None:
     battery = Battery(remaining_wh=left, reserve_wh=reserve_wh(limits))
     if not battery.must_return(needed):
         return None
-    return f"{left:.0f} Wh left; the way home takes {needed:.0f} Wh"
+    return f"{left:.0f} Wh left; the return takes {needed:.0f} Wh"

@@ -139,7 +139,7 @@ def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | No
     near = nearest_m(drones, [(state.east_m, state.north_m), goal])
     if near >= SEPARATION.distance_m:
         return None
-    return f"comes within {near:.0f} m of another drone's way"
+    return f"comes within {near:.0f} m of another drone's path"
 
 
 def goal_of(action: Action) -> tuple[float, float] | None:

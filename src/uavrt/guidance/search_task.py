@@ -91,7 +91,8 @@ class SearchTask:
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
         if not (1.0 <= order.wish_m <= 1000.0 and 10.0 <= order.duration_s <= 36_000.0):
             raise PlanError(
-                f"a search to {order.wish_m:g} m in {order.duration_s:g} s",
+                f"the accuracy of {order.wish_m:g} m or the duration of "
+                f"{order.duration_s:g} s is out of range",
                 remedy="Give 1 to 1000 m, and 10 s to 10 hours",
             )
         return Search(
@@ -179,13 +180,13 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
     """The tags to search for."""
     if not listed:
         raise PlanError(
-            "no tag is being listened for", remedy="Send the tags and start detection first"
+            "no tag is being searched for", remedy="Send the tags and start detection first"
         )
     known = {tag.tag_id: tag for tag in listed}
     unknown = sorted(set(order.tags) - set(known))
     if unknown:
         raise PlanError(
-            f"tag {unknown[0]} is not being listened for",
+            f"tag {unknown[0]} is not being searched for",
             remedy=f"Choose from {', '.join(map(str, known))}",
         )
     return tuple(known[tag_id] for tag_id in (order.tags or known))

@@ -472,7 +472,10 @@ def survey_lines(
     Raises `PlanError`: the spacing is not positive, or there are more lines than `most`.
     """
     if not spacing_m > 0.0:
-        raise PlanError(f"lines {spacing_m:g} m apart", remedy="Give a distance above 0")
+        raise PlanError(
+            f"the line spacing of {spacing_m:g} m is not positive",
+            remedy="Give a distance above 0",
+        )
     corners = np.array(polygon.corners)
     sides = np.roll(corners, -1, axis=0) - corners
     longest = sides[int(np.argmax(np.hypot(*sides.T)))]

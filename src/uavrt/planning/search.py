@@ -162,8 +162,8 @@ class Search:
         return Decision(
             action=Return(),
             reason=(
-                f"{battery.remaining_wh:.1f} Wh left; the way home takes {needed:.1f} Wh, "
-                f"the reserve is {battery.reserve_wh:.1f} Wh"
+                f"{battery.remaining_wh:.0f} Wh left; the return takes {needed:.0f} Wh, "
+                f"the reserve is {battery.reserve_wh:.0f} Wh"
             ),
         )
 
@@ -191,8 +191,8 @@ class Search:
         return Decision(
             action=Return(),
             reason=(
-                f"{battery.remaining_wh:.1f} Wh left; {decision.action} takes {used:.1f} Wh "
-                f"and the way home from there {home:.1f} Wh"
+                f"{battery.remaining_wh:.0f} Wh left; {decision.action} takes {used:.0f} Wh "
+                f"and the return from there {home:.0f} Wh"
             ),
         )
 

@@ -1,6 +1,5 @@
 """Input and output of a planner."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
@@ -97,7 +96,7 @@ class Decision:
 
     action: Action
     reason: str
-    """Reason for the operator, with figures."""
+    """Reason for the operator; the figures are in `candidates`."""
     candidates: tuple[Candidate, ...] = ()
 
 
@@ -110,19 +109,3 @@ class Planner(Protocol):
 
     def decide(self, situation: Situation) -> Decision:
         """Choose the next action; called after each action and each cycle."""
-
-
-def summary(candidates: Sequence[Candidate]) -> str:
-    """Describe the number of candidates, the runner-up, and why others were refused."""
-    refused: dict[str, int] = {}
-    for one in candidates:
-        if one.refused is not None:
-            refused[one.refused] = refused.get(one.refused, 0) + 1
-    rates = sorted(
-        (c.nats_per_s for c in candidates if c.nats_per_s is not None and c.refused is None),
-        reverse=True,
-    )
-    words = [f"next best {rates[1]:.3f}/s"] if len(rates) > 1 else []
-    words.append(f"{len(candidates)} candidates")
-    words += [f"{count} refused: {reason}" for reason, count in refused.items()]
-    return "; ".join(words)

@@ -37,7 +37,8 @@ class HonestStop:
     def __post_init__(self) -> None:
         if self.radius95_m <= 0.0 or self.bayes_factor < 1.0:
             raise ConfigError(
-                f"a search until {self.radius95_m:g} m, with evidence of {self.bayes_factor:g}",
+                f"the accuracy of {self.radius95_m:g} m or the evidence of "
+                f"{self.bayes_factor:g} is out of range",
                 remedy="Give a radius above 0 and an evidence of 1 or more",
             )
 

@@ -79,7 +79,8 @@ class DroneFiles:
                 await self._found.wait()
         except TimeoutError:
             raise LinkError(
-                f"no drone was heard in {timeout_s:g} s (MAVLink component {DRONE_COMPONENT})",
+                f"no drone was received in {timeout_s:g} s "
+                f"(MAVLink component {DRONE_COMPONENT})",
                 remedy="Check the drone's power and the radio, and that the autopilot "
                 "forwards MAVLink",
             ) from None

@@ -109,7 +109,7 @@ class DroneParameters:
 
     def _drone(self) -> Peer:
         if self._protocol.drone is None:
-            raise LinkError("the drone has not been heard", remedy="Check its power and radio")
+            raise LinkError("no contact with the drone yet", remedy="Check its power and radio")
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
@@ -132,7 +132,9 @@ class DroneParameters:
                 return
             self._send(request_message(drone, dialect.AutopilotVersion.ID))
             await self._wait_for_news(self._wait_s)
-        raise LinkError("the drone does not say who it is", remedy="Try again")
+        raise LinkError(
+            "the drone's autopilot has not reported its capabilities", remedy="Try again"
+        )
 
     async def _quiet(self) -> None:
         """Wait until values stop arriving after the first one."""

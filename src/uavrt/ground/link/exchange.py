@@ -106,7 +106,7 @@ class Exchange:
                 raise LinkError(
                     f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
                     "and was not sent",
-                    remedy="Ask for the motion again",
+                    remedy="Request the motion again",
                 )
             answer = await self._until_answered(request_id, send, tries, wait_s)
         if answer is None:

@@ -135,7 +135,7 @@ class Flying:
             raise CommandRefused("this offer has expired", remedy="Ask again")
         self._offered = None
         if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
-            raise CommandRefused("the offer has run out", remedy="Ask again")
+            raise CommandRefused("this offer has expired", remedy="Ask again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.take(state)
@@ -153,7 +153,7 @@ class Flying:
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link
         if link is None:
-            raise LinkError("there is no link", remedy="Connect to the drone")
+            raise LinkError("not connected", remedy="Connect to the drone")
         done = await link.missions.upload_survey(order, Limits(), call)
         self._vehicle.feed.note(
             5,
@@ -174,7 +174,7 @@ class Flying:
         link = self._vehicle.connection.link
         if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
-                "the drone is not heard", remedy="Take it by the remote control if it must stop"
+                "no contact with the drone", remedy="Stop it by the remote control if needed"
             )
         return link
 
@@ -197,7 +197,7 @@ class Flying:
                 )
             case "search" if bool(request.places) == (request.radius_m is not None):
                 raise UsageError(
-                    "a search needs one area",
+                    "a search needs exactly one area",
                     remedy="Draw one, or give a radius around the drone",
                 )
             case "return":

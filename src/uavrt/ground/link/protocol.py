@@ -204,7 +204,7 @@ class GroundProtocol:
         """Address a payload to the drone; raises `LinkError` before it is found."""
         if self.drone is None:
             raise LinkError(
-                "the drone has not been heard",
+                "no contact with the drone yet",
                 remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
             )
         if self._sealer is not None:

@@ -96,7 +96,7 @@ class VehicleMissions:
         while not self._heard():
             if monotonic_s() > deadline_s:
                 raise LinkError(
-                    f"no autopilot was heard in {timeout_s:g} s",
+                    f"no autopilot was received in {timeout_s:g} s",
                     remedy="Check its power and the radio, and --mavlink",
                 )
             await asyncio.sleep(POLL_S)
@@ -204,10 +204,10 @@ class VehicleMissions:
         if ours is not None:
             heard = {number: one for number, one in heard.items() if number == ours}
         if not heard:
-            raise LinkError("the autopilot is not heard", remedy="Check the radio link")
+            raise LinkError("no contact with the autopilot", remedy="Check the radio link")
         if len(heard) > 1:
             raise CommandRefused(
-                f"{len(heard)} autopilots are heard: {', '.join(map(str, sorted(heard)))}",
+                f"{len(heard)} autopilots are received: {', '.join(map(str, sorted(heard)))}",
                 remedy="Switch on the drone side of the one that is meant",
             )
         ((number, one),) = heard.items()
@@ -228,7 +228,7 @@ class VehicleMissions:
         if mode in manners.mission_modes:
             raise CommandRefused(
                 f"the vehicle is in {manners.mode_name(mode)}: another mission would change "
-                "its way",
+                "its path",
                 remedy="Let the pilot hold position first",
             )
 

@@ -22,7 +22,7 @@ from uavrt.planning.planners.ways import (
     stacked,
     turning,
 )
-from uavrt.planning.situation import Candidate, Decision, Situation, summary
+from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
@@ -129,12 +129,11 @@ class MiRate:
             for action, span, value, why in zip(actions, spans, rate, refused, strict=False)
         )
         most = int(np.argmax(chance * gives[:, of_best]))
+        against = "; ".join(sorted({why for why in refused if why is not None}))
         return Decision(
             action=actions[best],
-            reason=(
-                f"{nats[most, of_best]:.1f} nats about tag {wanted[most].tag_id} in "
-                f"{spans[best]:.0f} s; in all {rate[best]:.3f}/s; " + summary(candidates)
-            ),
+            reason=f"to learn more about tag {wanted[most].tag_id}"
+            + (f"; other paths were refused: {against}" if against else ""),
             candidates=candidates,
         )
 
@@ -255,24 +254,21 @@ class MiRate:
 
     def _away(self, situation: Situation, ways: Ways) -> Decision:
         """Choose the least disturbing path when none is allowed, if the area allows any."""
-        stays = self._stays(situation, len(ways.kept))
+        stays = self._stays(situation)
         if stays is not None:
             return stays
         inside = np.array([_by_animals(one) for one in ways.refused])
         if not inside.any():
             return Decision(
-                action=Hold(duration_s=situation.cycle_s), reason="no way is allowed at all"
+                action=Hold(duration_s=situation.cycle_s), reason="no path is allowed"
             )
         best = int(np.argmax(np.where(inside, ways.kept, -1.0)))
         return Decision(
             action=ways.action(best),
-            reason=(
-                "an animal may be near on every way; on this one least: probability "
-                f"{1.0 - ways.kept[best]:.2f}, {len(ways.kept)} candidates"
-            ),
+            reason="an animal may be near on every path: this is the safest",
         )
 
-    def _stays(self, situation: Situation, count: int) -> Decision | None:
+    def _stays(self, situation: Situation) -> Decision | None:
         """Wait where it may stay; turn if an animal may be near but hardly is.
 
         Without knowledge of an animal every path leads to it as likely as away from it. A turn
@@ -282,7 +278,7 @@ class MiRate:
         if stay.refused[0] is None:
             return Decision(
                 action=Hold(duration_s=situation.cycle_s),
-                reason=f"none of {count} ways keeps the distance: waiting",
+                reason="every path leads too close to an animal",
             )
         near = 1.0 - float(stay.kept[0])
         if not _by_animals(stay.refused[0]) or near > _NEAR or not self._turns(situation):
@@ -298,11 +294,7 @@ class MiRate:
             return None
         return Decision(
             action=Rotate(duration_s=self._rotation_s),
-            reason=(
-                f"none of {count} ways keeps the distance, an animal may be near with "
-                f"{near:.2f}: listening first, {nats[most]:.1f} nats about tag "
-                f"{situation.wanted[most].tag_id}"
-            ),
+            reason=f"to locate tag {situation.wanted[most].tag_id}, which may be near, first",
         )
 
     def _turns(self, situation: Situation) -> bool:

@@ -94,7 +94,7 @@ def _near_others(
     place = np.array([state.east_m]), np.array([state.north_m])
     now = float(others.strips_apart_m(start, *place)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
-    reason = f"within {apart.distance_m:.0f} m of another drone's way"
+    reason = f"within {apart.distance_m:.0f} m of another drone's path"
     return [
         one or (reason if off < least else None) for one, off in zip(refused, near, strict=True)
     ]
