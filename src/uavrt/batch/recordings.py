@@ -324,7 +324,6 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
     """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
 
     Relative paths are relative to the manifest. Empty cells are unknown values.
-
     Raises `FormatError`: it cannot be read, or a line is wrong; the line is named.
     """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"

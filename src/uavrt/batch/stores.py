@@ -100,10 +100,7 @@ def _is_file(system: Any, path: str) -> bool:
 
 
 def marks_of(url: str) -> list[object]:
-    """Properties that change when a stored file changes.
-
-    Raises `StoreError`: the store does not answer, or the file is gone.
-    """
+    """Properties that change when a stored file changes; raises `StoreError`."""
     with _asked(url):
         system, path = _opened(url)
         about = system.info(path)
@@ -151,10 +148,7 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer from an offset; returns the number of bytes.
-
-        Raises `StoreError`: the store does not answer, or returns less than before.
-        """
+        """Fill a buffer from an offset; get the number of bytes. Raises `StoreError`."""
         with _asked(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))

@@ -448,10 +448,7 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags.
-
-    Raises `ConfigError`: one is not listed, or none is.
-    """
+    """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
     if not known:
         raise ConfigError("there are no tags to look for", remedy="Name a tag file with --tags")
     missing = sorted(set(ids) - {one.tag_id for one in known})

@@ -208,10 +208,7 @@ def _smooth(number: int) -> bool:
 
 
 def check_rate(sample_rate_hz: float) -> None:
-    """Refuse a sample rate that no plan serves.
-
-    Raises `UsageError`: below 3 kS/s, above 64 × 375 kS/s, or not a number.
-    """
+    """Refuse a sample rate that no plan serves; raises `UsageError`."""
     highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
     if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:
         raise UsageError(

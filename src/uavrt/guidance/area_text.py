@@ -40,10 +40,7 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the one outline in the text of a file, besides those to keep out of.
-
-    Raises `FormatError`: it is none of the three, or holds no outline or several.
-    """
+    """Read the one outline in a file's text; raises `FormatError` for none or several."""
     with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:

@@ -107,7 +107,6 @@ class Authority:
         """Accept the operator's confirmation of the offered order.
 
         With `sticks_unseen` the operator knows that no hand on the sticks would be seen.
-
         Raises `CommandRefused`: it is not what was offered, too late, or the vehicle changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
@@ -168,7 +167,6 @@ class Authority:
 
         One that `stops` the drone, in the mode it is in, may be the first command of an order
         while the one before is still flown, and never changes the mode.
-
         Raises `CommandRefused`: nothing may be sent; the wish is gone.
         """
         self.tick(now_s)

@@ -285,10 +285,7 @@ def area_of(
 def check_keep_out(
     order: Order, limits: Limits, plane: TangentPlane, places: tuple[Place, ...]
 ) -> None:
-    """Refuse a way over people or buildings or out of the fence, or such a way home from it.
-
-    Raises `PlanError`.
-    """
+    """Refuse a way, or its way home, over keep-out areas or the fence; raises `PlanError`."""
     voids, within = voids_of(order, limits, plane), _within(limits, plane)
     if not (voids or within):
         return
@@ -329,7 +326,6 @@ def check_ground(
     """Refuse a way, or one home from any part of it, too near to the ground of the map.
 
     It may climb late and sink early: on its first part the lower of both heights counts.
-
     Raises `PlanError`: with the height above home that it takes; or a descent where the map
     knows nothing.
     """

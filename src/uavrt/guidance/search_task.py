@@ -62,10 +62,7 @@ class Equipment:
 
 
 class SearchTask:
-    """A search order, and all that does not change while it is flown.
-
-    Raises `PlanError`: its tags, outline or height cannot be.
-    """
+    """A search order and what stays with it; raises `PlanError` if it cannot be flown."""
 
     def __init__(
         self,

@@ -43,10 +43,7 @@ class CommandWriter:
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        """Write the command of a wish; heights count from an altitude, the datum.
-
-        Raises `CommandRefused`: it is beyond the bounds, or this autopilot has no such command.
-        """
+        """Command of a wish, heights from the datum; raises `CommandRefused` if impossible."""
         match wish:
             case FlyThere():
                 return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)

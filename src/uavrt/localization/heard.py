@@ -266,7 +266,6 @@ class OverGround:
 
         Heights of a flight count from its take-off, assumed beneath the first pose. A caller
         can cache the ground by a `lay` that returns that of the last call.
-
         Raises `FormatError`: a file of heights is damaged.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
@@ -472,10 +471,7 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> OverGround | None:
-        """Ground under the flight, with losses at the median frequency of the pulses.
-
-        Raises `FormatError`: a file of heights is damaged.
-        """
+        """Ground under the flight, for the pulses' median frequency; raises `FormatError`."""
         over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)

@@ -256,10 +256,7 @@ class TagBelief:
 
 
 class Beliefs(Mapping[int, TagBelief]):
-    """Several tags; they differ in frequency, so each pulse belongs to one.
-
-    Raises `ConfigError`: there is no tag, or a number comes twice.
-    """
+    """Beliefs of several tags; raises `ConfigError` for no tag or a number that comes twice."""
 
     def __init__(self, *beliefs: TagBelief) -> None:
         self._by_id = {one.tag_id: one for one in beliefs}

@@ -317,10 +317,7 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Where the drone is at each step of an action.
-
-    Raises `ConfigError`: the wind is too strong for the way.
-    """
+    """Where the drone is at each step; raises `ConfigError` where the wind is too strong."""
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
         return _in_place(vehicle, state, action, air, step_s)

@@ -129,10 +129,7 @@ class ByteJoiner:
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Add the next piece, before which `lost` pieces were lost.
-
-        Raises `ValueError` if the samples before the last gap have not been taken.
-        """
+        """Add a piece after `lost` ones; raises `ValueError` until the last gap was taken."""
         if self.has_gap:
             raise ValueError("read what comes before the gap first")
         if lost:

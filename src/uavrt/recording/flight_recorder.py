@@ -110,10 +110,7 @@ class FlightRecorder:
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
-        """Begin a flight in `info.directory`: its directories, configs and database.
-
-        Raises `RecordingError` if it cannot be written, or contains a flight.
-        """
+        """Begin a flight in `info.directory`; raises `RecordingError` if it contains one."""
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
             raise RecordingError(
@@ -280,10 +277,7 @@ class FlightRecorder:
         return full or not self._begun or self._is_gone() or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, fold the log into the database file and close, even if the commit fails.
-
-        Raises `RecordingError` if it failed.
-        """
+        """Commit, fold the log into the database and close anyway; raises `RecordingError`."""
         try:
             self.commit()
             if self._database is not None:

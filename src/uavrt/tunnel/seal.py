@@ -109,10 +109,7 @@ def prove_answer(state: bytes, key: Key, session: Session, station: Place) -> by
 def proven_answer(
     payload: bytes, key: Key, session: Session, station: Place, request_ids: Iterable[int]
 ) -> bytes:
-    """Turn an answer of type 60011 back into one of type 60006.
-
-    Raises `TunnelError` if it answers none of these requests, or is forged.
-    """
+    """Turn an answer of type 60011 into one of 60006; raises `TunnelError` if forged."""
     first = payload[0] if payload else 0
     for request_id in request_ids:
         number = request_id.to_bytes(4, "little")

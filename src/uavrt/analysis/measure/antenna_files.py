@@ -98,10 +98,7 @@ def _on_grid(
 
 
 def write_antenna(pattern: AntennaPattern, path: Path, remark: str) -> None:
-    """Write a pattern as `read_antenna` reads it.
-
-    Raises `RecordingError`: the file cannot be written.
-    """
+    """Write a pattern as `read_antenna` reads it; raises `RecordingError`."""
     lines = [f"# {remark}", "angle_deg,gain_db" + (",across_db" if pattern.h_plane_db else "")]
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)
     columns = [grid, pattern.gain_db(grid)]

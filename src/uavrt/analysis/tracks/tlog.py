@@ -89,10 +89,7 @@ class _Log:
 
 
 def read_tlog(path: Path) -> VehicleTrack:
-    """Read a telemetry log.
-
-    Raises `FormatError`: it cannot be read, or holds no frame.
-    """
+    """Read a telemetry log; raises `FormatError` if it cannot be read, or holds no frame."""
     try:
         content = read_file(path, TRACK)
     except OSError as error:

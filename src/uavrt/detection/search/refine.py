@@ -407,7 +407,6 @@ class Refiner:
 
         Windows half a pulse earlier and later count too: of a strong pulse that they cut, the
         leakage is as large as that of the whole.
-
         Returns: `power`: in units of the noise at the pulse.
         """
         window, buffer = self._window, self._buffer

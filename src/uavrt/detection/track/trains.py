@@ -161,7 +161,6 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
 
     A lattice may have its places where other trains have theirs: one of 1254 ms has every
     second pulse of one of 1881 ms, and now and then one of a third.
-
     Returns: those that explain less than the confirmed trains of whose pulses they are made.
     """
     found: list[Train[H]] = []

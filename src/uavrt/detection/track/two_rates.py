@@ -147,7 +147,6 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
     """Say what places are for their being a pulse in each of them.
 
     The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
-
     Returns: log-likelihood ratio to noise in all of them.
     """
     return sum(

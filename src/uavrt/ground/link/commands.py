@@ -171,7 +171,6 @@ class Commands:
 
         ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency, and ``"undo":
         true`` lists the values before the last correction again.
-
         Raises `FormatError`: there is no such tag or sender, or nothing to correct.
         Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer; the list is
         as it was.

@@ -43,10 +43,7 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Ask for a motion; return the drone's offer. Nothing moves by it.
-
-    Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
-    """
+    """Ask for a motion; return the drone's offer. Raises `CommandRefused`, `LinkError`."""
     return await link.motion(encode_request(request), request.request_id)
 
 

@@ -33,7 +33,6 @@ def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
 
     On a full disk they are in memory until there is room. After a restart, the drone then sends
     pulses again that are stored already.
-
     Raises `RecordingError`: the directory cannot be read or written.
     """
     path = directory / RECEIVED_NAME

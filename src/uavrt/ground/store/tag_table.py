@@ -78,10 +78,7 @@ class FieldFault:
 
 
 def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
-    """Check typed rows.
-
-    Returns: the tags; none of them when there is any fault.
-    """
+    """Check typed rows. Returns: the tags; none of them when there is any fault."""
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:

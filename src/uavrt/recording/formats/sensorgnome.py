@@ -194,10 +194,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections, one burst a row, with the tag by its ``id``.
-
-    Raises `FormatError` if it is unreadable, with the line of a wrong row.
-    """
+    """Read detections, a burst a row, tags by ``id``; raises `FormatError` with the line."""
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)
