@@ -500,11 +500,11 @@ class Participant:
             mark = f"serviceid={'.'.join(f'{byte:02x}' for byte in bare)};"
             name = f"{PARAMETER_NODE}/{service}"
             row = RosTopic(
-                name=f"{name}Request",
-                message=request,
-                publisher="",
+                f"{name}Request",
+                request,
+                "",
+                service,
                 subscribers=(PARAMETER_NODE,),
-                meaning=service,
                 burst=SERVICE_BURST,
                 per_s=SERVICE_PER_S,
             )
