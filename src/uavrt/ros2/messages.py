@@ -24,7 +24,7 @@ String = Annotated[str, "string"]
 class RosMessage:
     """Base of all messages; `ros_name` is the package and the type."""
 
-    __slots__ = ()
+    __slots__: ClassVar[tuple[str, ...]] = ()
     ros_name: ClassVar[str]
     interface: ClassVar[str] = "msg"
     """``srv`` for requests and replies of services."""
