@@ -128,10 +128,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Judge each item of the list; what is unknown is not in order.
-
-    `now_ns`: on the clock of the bench.
-    """
+    """Judge each item of the list at a time; what is unknown is not in order."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
