@@ -147,11 +147,7 @@ def map_around(
     elevation: Elevation | None,
     size: MapSize,
 ) -> MapArea:
-    """Lay a map around a flown or planned path.
-
-    Raises `UsageError`: it has too many cells.
-    Raises `FormatError`: a file of heights is damaged.
-    """
+    """Lay a map around a path; raises `UsageError` if too large, `FormatError` for heights."""
     area = {
         "west_m": float(east_m.min()) - size.margin_m,
         "east_m": float(east_m.max()) + size.margin_m,

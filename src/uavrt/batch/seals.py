@@ -56,11 +56,7 @@ def write_note(path: Path, content: bytes) -> None:
 
 
 def read_note(path: Path) -> bytes:
-    """Read a file of `write_note`.
-
-    Raises `FormatError`: it is damaged; the message is the reason alone.
-    Raises `OSError`: it cannot be read.
-    """
+    """Read a file of `write_note`; raises `FormatError` with the reason alone, or `OSError`."""
     digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():
         raise FormatError("not what was written")

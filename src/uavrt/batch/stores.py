@@ -115,11 +115,7 @@ def open_stored(
     center_frequency_hz: float | None = None,
     start_time_ns: int | None = None,
 ) -> RecordingSource:
-    """Open a recording of a store; parameters as in `open_recording`.
-
-    Raises `FormatError`: it differs from its description.
-    Raises `StoreError`: the store does not answer, or the file is gone.
-    """
+    """Open a recording of a store like `open_recording`; raises also `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))

@@ -164,10 +164,7 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
 
 
 def widest_half_span_hz(sample_rate_hz: float) -> float:
-    """Half the span that a recording serves at most, about its centre [Hz].
-
-    `sample_rate_hz`: rate of the recording [Hz].
-    """
+    """Half the span that a recording of a rate serves at most, about its centre [Hz]."""
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
 

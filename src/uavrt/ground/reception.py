@@ -27,10 +27,7 @@ POSE_SEND_NS = 190_000_000
 
 
 class Reception:
-    """Passes each event to the part of the station that it concerns.
-
-    `on_course`: takes where the drone goes.
-    """
+    """Passes each event to its part of the station, and the drone's goal to `on_course`."""
 
     def __init__(
         self,

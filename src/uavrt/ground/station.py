@@ -60,11 +60,7 @@ class StationSettings:
 
 
 class Station:
-    """The ground station without a page; `PageStation` adds one.
-
-    `show`: called with a dictionary for each event: ``event`` names it, the rest are its
-    values.
-    """
+    """The ground station without a page, which shows each event as a dictionary."""
 
     def __init__(
         self, settings: StationSettings, show: Callable[[dict[str, Any]], None]

@@ -40,11 +40,7 @@ BATTERY_S = 1.0
 
 
 class Pilot:
-    """Flies one order.
-
-    `plan`: its steps.
-    `waits`: further steps come by `redirect`: it waits for them, and is not done.
-    """
+    """Flies the steps of one order; with `waits` further steps come by `redirect`."""
 
     def __init__(
         self, order: Order, plan: Plan, limits: Limits, *, waits: bool = False

@@ -443,11 +443,7 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Refuse a search before anything moves.
-
-    `farthest_m`: from home, that the battery allows with the way back and the reserve.
-    Raises `PlanError`: the whole area is beyond the battery's reach.
-    """
+    """Refuse a search beyond the battery's reach from home; raises `PlanError`."""
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return

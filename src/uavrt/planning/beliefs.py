@@ -129,11 +129,7 @@ class Rival:
 
 
 class TagBelief:
-    """Everything believed of one tag.
-
-    `particles`: hypotheses of the place.
-    `existence`: probability, before the flight, that the tag is in the area and beeps.
-    """
+    """Everything believed of one tag, by hypotheses of its place and its existence."""
 
     def __init__(
         self,

@@ -107,10 +107,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins pieces of a stream of bytes to complex64 samples; pure.
-
-    `take` gives the samples before a gap, then those after it.
-    """
+    """Joins bytes to complex64 samples; `take` gives those before a gap, then those after."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []

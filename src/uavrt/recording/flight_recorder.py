@@ -181,10 +181,7 @@ class FlightRecorder:
         self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Get up to `most` recorded pulses whose pose is open, the oldest first.
-
-        None while the disk fails.
-        """
+        """Up to `most` pulses with an open pose, oldest first; none while the disk fails."""
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             rows = self._connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
             return [schema.pulse_from_row(row) for row in rows]

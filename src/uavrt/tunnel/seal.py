@@ -154,11 +154,7 @@ def parameter_of(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads that are authentic, new, and meant for this drone and session.
-
-    `key`: the shared secret.
-    `session`: number of the session; drawn at random unless given.
-    """
+    """Opens sealed payloads that are authentic, new, and meant for us and this session."""
 
     def __init__(self, key: Key, session: int | None = None) -> None:
         self._key = key
@@ -178,11 +174,7 @@ class SealKeeper:
         return prove_answer(state, self._key, Session(self._session, drone), station)
 
     def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
-        """Get the content, and its kind.
-
-        Raises `TunnelError`, with the reason: forged, repeated, damaged, or for another drone
-        or session.
-        """
+        """Get the content and its kind; raises `TunnelError` with the reason it is refused."""
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]

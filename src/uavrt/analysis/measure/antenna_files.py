@@ -41,11 +41,7 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read a pattern; its name is the file's.
-
-    Raises `FormatError`: the file cannot be read, a line is not an angle with a gain, or angles
-    are missing.
-    """
+    """Read a pattern, named as its file; raises `FormatError` if a line or angles are wrong."""
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()

@@ -83,10 +83,7 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 
 
 class PointSearch:
-    """Finds pulses in a stream of samples.
-
-    `most_cells`: cells of the spectrogram that are kept and searched at once.
-    """
+    """Finds pulses in a stream of samples, at most so many cells of a spectrogram at once."""
 
     def __init__(
         self,

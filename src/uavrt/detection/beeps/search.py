@@ -38,10 +38,7 @@ _CLEAN: Final = 0.45
 
 
 class _Band:
-    """Searches a band in turns.
-
-    `turns`: listen for this many seconds at the start, and at the end of each period.
-    """
+    """Searches a band in turns: `turns` seconds at the start and the end of each period."""
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
         self._live = live
@@ -106,11 +103,7 @@ class _Band:
 
 
 class BeepSearch:
-    """Names everything that beeps.
-
-    `receiver`: centre and rate of the radio.
-    `live`: report while the stream runs, at a lower cost.
-    """
+    """Names everything that beeps; `live` reports while the stream runs, at a lower cost."""
 
     def __init__(
         self,

@@ -28,10 +28,7 @@ _LEAST_RISE = 0.85
 
 
 class Cells:
-    """Makes and keeps the cells of one channel.
-
-    `kept_s`, `recent_s`: how long cells are kept as bytes, and as they are.
-    """
+    """One channel's cells, kept as they are for `recent_s` and as bytes for `kept_s`."""
 
     def __init__(
         self,

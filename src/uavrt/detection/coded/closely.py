@@ -99,10 +99,7 @@ def _prefix(
 def _energies(
     cells: Cells, sums: NDArray[np.complex128], at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Energies of pulses that begin between samples.
-
-    They have turns, moves, stretches, bursts, and pulses.
-    """
+    """Energies of pulses between samples, with turns, moves, stretches, bursts and pulses."""
     begin = np.clip(at * cells.hop, 0.0, sums.shape[-1] - 2 - cells.length)
     low = np.floor(begin).astype(np.int64)
     over = begin - low

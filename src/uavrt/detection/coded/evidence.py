@@ -45,10 +45,7 @@ class Evidence:
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
-    """Log likelihood ratio from which a burst is the listed code's.
-
-    `false_per_hour`: identities that they may make, of each code.
-    """
+    """Log likelihood ratio at which each code has so many false identities per hour."""
     return math.log(_ALIGNMENTS * foreign_per_hour / false_per_hour)
 
 

@@ -92,10 +92,7 @@ class Waiting:
 
 
 class Folds:
-    """Seeds of the codes with as many pulses as each other, and what becomes of them.
-
-    `kept_s`: how long cells are kept.
-    """
+    """Seeds of the codes with equally many pulses, and what becomes of them."""
 
     def __init__(
         self,
@@ -139,10 +136,7 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Sum about the seeds all of whose later bursts have come.
-
-        `whole`: columns before which a burst is complete.
-        """
+        """Sum about the seeds whose later bursts have come, complete before columns `whole`."""
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
             seeds = waiting.due(math.inf if last else whole)

@@ -40,11 +40,7 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum that is this tag.
-
-    `pulses`: cells in the sum.
-    `false_per_hour`: identities that noise may make.
-    """
+    """Least sum of pulses taken for this tag at so many false identities per hour."""
     share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return limit(pulses, tests, share * false_per_hour)
@@ -61,10 +57,7 @@ def amplitude_limit(
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of amplitudes of cells of noise that is reached with a given probability.
-
-    `count`: cells, whose energies are exponential with mean 1.
-    """
+    """Sum of the amplitudes of noise cells that is reached with a given probability."""
     low, high = 0.02, 8.0
     for _ in range(50):
         middle = 0.5 * (low + high)

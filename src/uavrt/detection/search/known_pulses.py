@@ -14,10 +14,7 @@ _LEAK_SHARE = 0.2
 
 
 class KnownPulses:
-    """Pulses of confirmed tracks, or of groups just taken.
-
-    Of a tag that is heard they explain nearly all that is found.
-    """
+    """Pulses of confirmed tracks and new groups: nearly all that is found of a known tag."""
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:
         self._grid = grid

@@ -265,10 +265,7 @@ class RowNoise:
 
 
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
-    """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
-
-    `power` (noises, columns, rows): new columns, at least one.
-    """
+    """Follow several noises with new columns (noises, columns, rows), as `RowNoise.update`."""
     long = np.stack([noise._long for noise in noises if noise._long is not None])
     exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
     mean, kept = _truncated(power, long)

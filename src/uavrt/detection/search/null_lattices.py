@@ -72,10 +72,7 @@ class NullLattices:
         """Noise powers counted, the first few by chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
-        """Count the groups that new columns complete, and move the threshold.
-
-        `test`: None: there are no anchors.
-        """
+        """Count the groups that new columns complete, and move the threshold."""
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
         tolerated = _TOLERATED_COLOURED if self.coloured else _TOLERATED
         beyond = seen - tolerated * _LATTICES * columns * self._white_per_column

@@ -146,11 +146,7 @@ class LineCanceller:
         return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Take the carriers out of new samples, in place.
-
-        `before`: what is kept of the samples before.
-        `samples` (n,): the samples that follow those of the last call.
-        """
+        """Take the carriers out of new samples (n,) in place, by those `before`."""
         if not self.frequencies_hz.size:
             self._past = None
             return

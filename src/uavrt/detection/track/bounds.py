@@ -49,10 +49,7 @@ class Bounds:
         return np.flatnonzero(inside)
 
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
-        """Why the measured pulses of a group are not the tag's, or None.
-
-        `places`: places among the K, in order of time.
-        """
+        """Why the measured pulses, at these places of the K, are not the tag's; or None."""
         floor = least_real([pulse.power for _, pulse in places])
         real = [pair for pair in places if pair[1].power >= floor]
         strongest = max((pulse for _, pulse in real), key=lambda pulse: pulse.power)

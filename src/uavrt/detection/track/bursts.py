@@ -125,10 +125,7 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> OnAir:
-        """What else is on air around a track's place.
-
-        `found`: the strongest at that place. One's own pulses, there and before, are no bursts.
-        """
+        """Other signals around a track's place, where `found` is strongest, without its own."""
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET

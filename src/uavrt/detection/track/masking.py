@@ -27,10 +27,7 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 
 
 def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
-    """Tracks that may hide a track's pulses: stronger, and at another frequency.
-
-    `sample_rate_hz`: frequencies are compared around this circle.
-    """
+    """Stronger tracks at other frequencies of the circle that may hide a track's pulses."""
     if len(tracks) < 2:
         return []
     least = STRONGER * level(track)

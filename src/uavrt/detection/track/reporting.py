@@ -81,10 +81,7 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, and of weak ones it has given up on.
-
-        `last`: nothing follows: do not wait for the rate's label.
-        """
+        """Make records of a track's accepted and given-up pulses; `last`: nothing follows."""
         if self.doubts(track, last=last) or track.held:
             return
         oldest_open = track.number - self._tag.k + 1

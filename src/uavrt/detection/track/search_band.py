@@ -142,10 +142,7 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """What bands that `advance_together` to such an index must have in common.
-
-        None: this one must go alone.
-        """
+        """What bands that `advance_together` must share; None: this one must go alone."""
         spectrogram = self._spectrogram
         first = spectrogram.needed()
         if first < 0 or not self._noise.ready or self._kind is None:
@@ -173,10 +170,7 @@ class SearchBand:
             self._learn(power, begin, last=last)
 
     def bursts(self, known: Sequence[Known]) -> Bursts:
-        """What else is on air, up to the present.
-
-        `known`: pulses of tags that are sure: no bursts.
-        """
+        """Other signals up to the present, but pulses of tags that are sure (`known`)."""
         search = self._searches[0]
         self._bursts.look(
             search.open_anchors(),

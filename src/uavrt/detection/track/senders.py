@@ -134,10 +134,7 @@ class _Learnt:
 
 
 class Senders(Generic[H]):
-    """Shares out trains among the tags of detectors with overlapping bands.
-
-    `hearers`: the detectors; their order says nothing.
-    """
+    """Shares trains among the tags of detectors with overlapping bands, in any order."""
 
     def __init__(self, hearers: Sequence[H]) -> None:
         self.hearers = sorted(hearers, key=lambda hearer: hearer.tag.tag_id)

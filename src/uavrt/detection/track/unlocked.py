@@ -30,10 +30,7 @@ def joined(
     sample_rate_hz: float,
     around: Callable[[Track, Measured], OnAir],
 ) -> Track | None:
-    """Put a group to the one that it goes on with, if there is one.
-
-    `around`: reports what else is on air around a track's place.
-    """
+    """Join a group to the one that it continues, if any; `around` reports other signals."""
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:
         return None

@@ -285,10 +285,7 @@ class FileClient:
 
 
 class _Pace:
-    """Aborts a transfer that makes no progress.
-
-    `least`: what must come within `STALL_NS`.
-    """
+    """Aborts a transfer of which less than `least` comes within `STALL_NS`."""
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
         self._least, self._what = least, what

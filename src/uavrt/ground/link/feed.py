@@ -22,11 +22,7 @@ class StationNote:
 
 
 class Feed:
-    """Sends records to all pages, and events to the program without a page.
-
-    `state`: makes the record that pages show of the whole vehicle.
-    `on_event`: called with each event.
-    """
+    """Sends records to all pages, `state` of the whole vehicle, and events to `on_event`."""
 
     def __init__(
         self,

@@ -110,10 +110,7 @@ class Links:
 
 
 class Ways:
-    """The links to one drone.
-
-    `links`: those that are shared with others; without it they are this one's alone.
-    """
+    """The links to one drone: shared ones, or without `links` its own alone."""
 
     def __init__(
         self,

@@ -26,10 +26,7 @@ ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
 class ServedVehicle:
-    """One vehicle, and what is known of it.
-
-    `on_flight`: called when a flight of our own has begun.
-    """
+    """One vehicle, and what is known of it; calls `on_flight` when our own flight has begun."""
 
     def __init__(
         self,

@@ -249,10 +249,7 @@ class FlightLibrary:
         return _starred(summary, path)
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Read how loud a vehicle's receiver was at rest in its past flights [dB].
-
-        Flights that do not name their vehicle count for each.
-        """
+        """Receiver's noise at rest in a vehicle's past flights, or of unnamed vehicles [dB]."""
         flights = (
             flight
             for flight in self.summaries()

@@ -43,11 +43,7 @@ class _GivenUpError(Exception):
 
 
 class MapDesk(Generic[Asked, Found]):
-    """Makes maps, one at a time; keeps the last.
-
-    `make`: makes what is asked for, and reports its steps.
-    `record`: what a page gets of it.
-    """
+    """Makes maps by `make`, one at a time; keeps the last, of which a page gets `record`."""
 
     def __init__(
         self,

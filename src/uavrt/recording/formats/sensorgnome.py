@@ -80,11 +80,7 @@ def is_detections(cells: Sequence[str]) -> bool:
 
 
 def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse file; damaged lines are skipped and counted.
-
-    Raises `FormatError` if it is unreadable, no line sets the tuned frequency, or most lines
-    are damaged.
-    """
+    """Read a pulse file, count damaged lines; raises `FormatError` if most are damaged."""
     tuned_hz: dict[str, float] = {}
     pulses: list[Pulse] = []
     places: list[Place] = []
