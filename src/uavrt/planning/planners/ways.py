@@ -166,29 +166,3 @@ def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: in
         north_m=np.full((1, samples), state.north_m),
         yaw_deg=(state.yaw_deg + turn_deg * shares)[None],
     )
-
-
-def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
-    """Those of some ways with these numbers."""
-    return Legs(
-        duration_s=legs.duration_s[numbers],
-        time_s=legs.time_s[numbers],
-        east_m=legs.east_m[numbers],
-        north_m=legs.north_m[numbers],
-        yaw_deg=legs.yaw_deg[numbers],
-    )
-
-
-def stacked(*legs: Legs) -> Legs:
-    """Several sets of ways of equally many samples as one."""
-
-    def joined(name: str) -> _Floats:
-        return np.concatenate([getattr(one, name) for one in legs])
-
-    return Legs(
-        duration_s=joined("duration_s"),
-        time_s=joined("time_s"),
-        east_m=joined("east_m"),
-        north_m=joined("north_m"),
-        yaw_deg=joined("yaw_deg"),
-    )
