@@ -78,7 +78,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
         _make_views(connection, archive, question)
         answer = connection.sql(question)
         if answer is None:
-            raise UsageError("that is no question", remedy="Begin it with SELECT")
+            raise UsageError("this is not an SQL query", remedy="Begin it with SELECT")
         return _in_utc(answer.to_arrow_table())
 
 

@@ -66,7 +66,7 @@ def doctor(
             remedy="Leave --mavlink out, or leave out --flight",
         )
     if flight and autopilot:
-        raise UsageError("--flight and --autopilot are two lists", remedy="Give one of them")
+        raise UsageError("--flight and --autopilot are two lists", remedy="Give either of them")
     configure_logging("doctor", level=logging.ERROR)  # the findings say it in words
     running = running_status(status_socket_path(settings))
     findings = (

@@ -241,7 +241,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
             )
     elif bool(request.places) == (request.radius_m is not None):
         raise ConfigError(
-            "a search needs one area",
+            "a search needs exactly one area",
             remedy="Give --area FILE.geojson, or --radius 300 for a circle around the drone",
         )
 
@@ -411,7 +411,7 @@ class _Terminal:
                 self._show(await self._states.get())
         except TimeoutError:
             raise LinkError(
-                "the drone says nothing of motion",
+                "the drone does not report motion",
                 remedy="Set guidance.enabled = true in its uavrt.toml",
             ) from None
         return 0

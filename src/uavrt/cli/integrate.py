@@ -138,7 +138,7 @@ def integrate(
         )
     if moves and not others:
         raise ConfigError(
-            "--moves is of several flights", remedy="Name further flights, or leave it out"
+            "--moves needs several flights", remedy="Name further flights, or leave it out"
         )
     listed = read_tag_source(tags).tags if tags else None
     warn_of_near_codes(listed or (), frequency_window)
@@ -208,7 +208,7 @@ def _flights(
         )
     if clock_offset is not None or yaw_offset:
         raise ConfigError(
-            "--clock-offset and --yaw-offset are of a --track",
+            "--clock-offset and --yaw-offset need --track",
             remedy="Leave them out: a flight has its own",
         )
     for one in (first, *others):
@@ -447,7 +447,9 @@ def _keep(
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
     """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
     if not known:
-        raise ConfigError("there are no tags to look for", remedy="Name a tag file with --tags")
+        raise ConfigError(
+            "there are no tags to search for", remedy="Name a tag file with --tags"
+        )
     missing = sorted(set(ids) - {one.tag_id for one in known})
     if missing:
         listed = ", ".join(str(one.tag_id) for one in known)

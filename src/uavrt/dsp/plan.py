@@ -209,6 +209,6 @@ def check_rate(sample_rate_hz: float) -> None:
     highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
     if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:
         raise UsageError(
-            f"sample rate {sample_rate_hz:g} Hz",
+            f"the sample rate {sample_rate_hz:g} Hz is not supported",
             remedy=f"Use {LOWEST_RATE_HZ:g} to {highest:g} samples a second",
         )

@@ -1,4 +1,4 @@
-"""Handles what is received from one vehicle: frames of its autopilot, events of its drone."""
+"""Handle frames of one vehicle's autopilot and events of its drone."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -27,7 +27,10 @@ POSE_SEND_NS = 190_000_000
 
 
 class Reception:
-    """Passes each event to its part of the station, and the drone's goal to `on_course`."""
+    """Passes each event to the parts of the station that use it.
+
+    `on_course`: receives the drone's course.
+    """
 
     def __init__(
         self,
@@ -43,7 +46,7 @@ class Reception:
         self._last_pose_ns = 0
 
     def take_frame(self, frame: Frame) -> None:
-        """Handle a frame of the link, the drone's or the autopilot's."""
+        """Handle a frame of the link, from the drone or the autopilot."""
         vehicle, watch = self._vehicle, self._vehicle.connection.watch
         if watch is None:
             return

@@ -9,19 +9,21 @@ from uavrt.units import wrap_degrees_180
 OTHERS_TURN = "another turns the drone"
 THERE_DEG, BEGUN_DEG = 6.0, 5.0
 NEAR_M = 0.7
-"""Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
+"""Distance to the target below which the heading stays; PX4 follows the bearing until 1 to 2
+m."""
 BESIDE_M = 1.0
-"""Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
+"""Error of our position against the autopilot's when computing a bearing [m]."""
 ALIGNED_DEG, ALIGNED_S = 12.0, 1.0
-"""Tolerance of a measured heading that has looked to its target for this long. On 68 legs of
-PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m from the
-target, and within 2.2° of itself nearer than `NEAR_M`."""
+"""Tolerance and least duration for a measured heading to count as aligned with the target. On
+68 legs of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3
+m from the target, and within 2.2° of itself nearer than `NEAR_M`."""
 SETTLES_DEG = 0.3
-"""A heading that changes less from report to report has come to its end."""
+"""Change per report below which a heading has settled."""
 FROZEN_M, STOPPED_S = 2.5, 1.0
-"""Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
+"""Distance below which a setpoint may freeze on its way to the bearing; farther away for this
+time at most."""
 TURNS_ON_S = 6.0
-"""A turn that goes on when a command comes is stopped and made up for within this [s]."""
+"""Time in which a turn in progress at a command is stopped and reversed [s]."""
 ON_S = 0.3
 """Within this time of a command, a reported setpoint may be older than the command [s]."""
 COURSE_S, FOLLOWS_DEG = 1.0, 3.0
@@ -64,14 +66,14 @@ class YawWatch:
     turning_deg_s: float = 0.0
     exact: bool = False
     turned_deg: float = 0.0
-    """In the direction asked for."""
+    """Angle turned in the requested direction."""
     _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """The heading has looked to the target for a while: its turn is over."""
+    """Set once the heading has been aligned for a while: its turn is over."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
@@ -89,7 +91,7 @@ class YawWatch:
 
     @property
     def begun(self) -> bool:
-        """Whether a heading that was asked for is there, or has come nearer."""
+        """True if the requested heading is reached, or has come nearer."""
         if self.wanted_deg is None:
             return True
         return self._best_deg < max(THERE_DEG, self._first_deg - BEGUN_DEG)
@@ -102,10 +104,10 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Take a heading; say what is wrong with it.
+        """Add a heading; return its deviation, if any.
 
-        `bearing_deg`, `away_m`: to the target, from where the drone is.
-        `course_deg`: direction of its motion, if its heading follows that.
+        `bearing_deg`, `away_m`: to the target from the drone. `course_deg`: direction of
+        motion, if the heading follows it.
         """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
@@ -139,7 +141,7 @@ class YawWatch:
         return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """Whether the heading turns from where it was to where the drone moved then."""
+        """True if the heading turns from its old direction towards the recent course."""
         while self._courses and self._courses[0][0] < time_s - COURSE_S:
             self._courses.popleft()
         follows = any(
@@ -151,7 +153,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Note since when a measured heading looks to the target."""
+        """Record since when a measured heading is aligned with the target."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > THERE_DEG:
@@ -163,7 +165,7 @@ class YawWatch:
 
     @property
     def _turns_on(self) -> bool:
-        """Whether the setpoint is still ending the turn that was under way at the command."""
+        """True while the setpoint is finishing the turn in progress at the command."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
@@ -189,7 +191,7 @@ class YawWatch:
     def _aim(
         self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
-        """Where it is to look, and how uncertain that is [deg]."""
+        """Expected heading and its uncertainty [deg]."""
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
         was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
@@ -205,7 +207,7 @@ class YawWatch:
         return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Neither back nor too fast."""
+        """Check a turn: not backwards, and not too fast."""
         assert self.turn_deg is not None
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
         self._best_deg = max(self._best_deg, self.turned_deg)
@@ -216,7 +218,7 @@ class YawWatch:
 
 
 def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
-    """Whether a heading has turned from an earlier one towards a goal, and not far beyond."""
+    """True if a heading has turned towards a goal and not far beyond."""
     left = wrap_degrees_180(goal_deg - before_deg)
     turned = wrap_degrees_180(yaw_deg - before_deg)
     towards = turned if left >= 0.0 else -turned
@@ -226,7 +228,7 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
+    """Angle by which a turn may continue; 25° and 50° were flown, maybe accelerating."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
 
 
@@ -240,21 +242,21 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Heading of a drone that stands by no order of ours.
+    """Heading of a drone that rests without an order of ours.
 
-    A turn that was going on may come to its end, and be made up for as after a command. Times
-    are those of the autopilot since its start: after a stall of our process reports come late.
+    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
+    since its start: after a stall of our process reports are processed late.
     """
 
     start_boot_s: float
     yaw_deg: float
-    """Where it is, or the end of the turn so far."""
+    """Present heading, or the end of the turn so far."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0
 
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
-        """Take a heading; whether another has turned the drone."""
+        """Add a heading; return whether another has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         if abs(self.turning_deg_s) > TURNING_DEG_S:
             since_s = max(self._moved_boot_s, self.start_boot_s)

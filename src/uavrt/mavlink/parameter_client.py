@@ -55,7 +55,7 @@ class ParameterClient:
                     await client._there.wait()
             except TimeoutError:
                 raise LinkError(
-                    f"no autopilot was heard at {address} in {timeout_s:.0f} s",
+                    f"no autopilot was received at {address} in {timeout_s:.0f} s",
                     remedy="Check wiring and baud rate; USB always works: "
                     "--mavlink serial:///dev/ttyACM0:57600",
                 ) from None

@@ -305,7 +305,7 @@ class Guide:
         """Refuse what needs no plan to be refused."""
         vehicle = self._vehicle
         if vehicle is None:
-            raise UavrtError("the vehicle is not heard", remedy="Check the autopilot's link")
+            raise UavrtError("no contact with the vehicle", remedy="Check the autopilot's link")
         taking_off = order.action == "takeoff"
         fault = vehicle.takeoff_fault if taking_off else vehicle.fault
         if fault is not None:
@@ -434,7 +434,7 @@ class Guide:
         """
         if distance_m(*offered.home, *now.home) > HOME_MOVED_M:
             raise PlanError(
-                "home was moved while the order was planned", remedy="Ask for the motion again"
+                "home was moved while the order was planned", remedy="Request the motion again"
             )
         pilot, seeker = offered.pilot, offered.seeker
         self._shared.begin(now.time_s)

@@ -136,7 +136,10 @@ class MotionOrders:
         now_s, control = monotonic_s(), self._control
         try:
             if control.known and asker != self._offered_to:
-                raise CommandRefused("another station asked", remedy="Ask for it yourself")
+                raise CommandRefused(
+                    "another station requested this order",
+                    remedy="Request it from this station",
+                )
             control.confirm(confirmation, now_s)
         except CommandRefused as error:
             self._reports.answer("refused", str(error), asker, confirmation.request_id)

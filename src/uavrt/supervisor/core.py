@@ -209,7 +209,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart the search; publish the tags again, so that its last news are dropped."""
+        """Restart the search; publish the tags again to drop its pending records."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
@@ -274,7 +274,7 @@ class Supervisor:
     # -------------------------------------------------------------- watching
 
     def _watch_wall_clock(self) -> None:
-        """Note in the flight that the wall clock was corrected; the flight's is not."""
+        """Record a correction of the wall clock in the flight, whose own clock is unchanged."""
         if self.mission.flight is None:
             return
         if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:

@@ -1,6 +1,6 @@
-"""What is known of each flight on this computer, kept over a restart.
+"""Cache of flight summaries, kept over a restart.
 
-To read thousands of databases takes seconds; this file can be thrown away at any time.
+Reading thousands of databases takes seconds; this file can be deleted at any time.
 """
 
 from dataclasses import dataclass
@@ -27,26 +27,26 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
+    """``"ground"`` if this ground station recorded it, ``"drone"`` if it was copied."""
     starred: bool = False
-    """It is never removed from the computer that it is on."""
+    """True if it is never removed automatically from its computer."""
     vehicle: str | None = None
-    """Number and name of its vehicle, where the ground station wrote them."""
+    """Number and name of its vehicle, if the ground station recorded them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightChoice:
-    """Which flights are wanted."""
+    """Criteria by which flights are listed."""
 
     tag_id: int | None = None
-    """Those that listened for this tag."""
+    """Flights that searched for this tag."""
     since_ns: int | None = None
-    """Those that ended at or after this time [ns since 1970]."""
+    """Flights that ended at or after this time [ns since 1970]."""
     before_ns: int | None = None
-    """Those that began before this time [ns since 1970]."""
+    """Flights that began before this time [ns since 1970]."""
 
     def holds(self, flight: FlightSummary) -> bool:
-        """Return whether a flight is one of them."""
+        """True if a flight meets all criteria."""
         return (
             (self.since_ns is None or flight.end_time_ns >= self.since_ns)
             and (self.before_ns is None or flight.start_time_ns < self.before_ns)
@@ -60,7 +60,7 @@ class _Kept(msgspec.Struct, frozen=True):
 
 
 class KnownFlights:
-    """Summaries with the state of the files that they are of."""
+    """Summaries, each with the state of its flight's files when it was made."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -74,17 +74,17 @@ class KnownFlights:
             self._flights = {one[1].flight_id: one for one in kept.flights}
 
     def get(self, flight_id: str, stamp: Stamp) -> FlightSummary | None:
-        """Get what is known of a flight; None unless it is of its files as they are."""
+        """Get the cached summary of a flight; None if its files have changed."""
         found = self._flights.get(flight_id)
         return found[1] if found is not None and found[0] == stamp else None
 
     def put(self, summary: FlightSummary, stamp: Stamp) -> None:
-        """Know a flight."""
+        """Store the summary of a flight."""
         self._flights[summary.flight_id] = (stamp, summary)
         self._changed = True
 
     def write(self, flight_ids: set[str]) -> None:
-        """Keep what is known of these flights, if it has changed, and forget others."""
+        """Write the summaries of these flights if any has changed; drop all others."""
         gone = self._flights.keys() - flight_ids
         if not self._changed and not gone:
             return

@@ -53,7 +53,9 @@ def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSi
     """Strongest place of a track, six pulses averaged; raises `UsageError` without pulses."""
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
-        raise UsageError("nothing was heard", remedy="Fly nearer, or check the tag's frequency")
+        raise UsageError(
+            "no pulse was received", remedy="Fly nearer, or check the tag's frequency"
+        )
     mean = smoothed(track.snr_db[heard])
     top = int(np.argmax(mean))
     place = int(heard[top])

@@ -110,9 +110,9 @@ class DiskGuard:
         return None
 
     def _may_go(self) -> list[Path]:
-        """Removable flights, oldest first, without the newest, starred and present ones.
+        """Removable flights, oldest first: neither newest, starred nor in progress.
 
-        A flight and its copies count as one; the copies go first, which hold less.
+        A flight and its copies count as one; the copies are removed first, as they hold less.
         """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name

@@ -32,7 +32,7 @@ class SecondStep:
         self._asked: tuple[str, float] | None = None
 
     def is_meant(self, source: str) -> bool:
-        """Handle a request; True when it is the second step by the sender of the first."""
+        """Handle a request; True for the second step by the sender of the first."""
         now_s = self._clock_s()
         asked, self._asked = self._asked, (source, now_s)
         if asked is None or asked[0] != source:

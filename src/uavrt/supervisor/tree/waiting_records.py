@@ -17,7 +17,8 @@ BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
 """Most lines kept in addition to waiting ones: 10 MB, half an hour of a disk that fails."""
 BARREN_LIVES = 3
-"""Ends without progress after which kept lines are dropped, as one of them may be the cause."""
+"""Ends of a process without progress after which kept lines are dropped: one may be the
+cause."""
 
 Line = tuple[str, bytes]
 """Topic and the whole line."""
@@ -36,7 +37,7 @@ class Outbox:
         """Number of lines that the present process has taken, kept or not."""
         self._barren = 0
         self._flight: bytes | None = None
-        """The flight in progress when the first line that is kept or waits was put."""
+        """The flight in progress when the first waiting or kept line was added."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
         """Bytes of the first line that the present process has already got."""
@@ -47,7 +48,7 @@ class Outbox:
 
     @property
     def flight(self) -> FlightInfo | None:
-        """The flight of the first line that is not taken."""
+        """The flight of the first line that is not yet taken."""
         return None if self._flight is None else decode_record(self._flight)[1]
 
     def holds(self, name: str) -> bool:
@@ -134,7 +135,7 @@ class Outbox:
         self._leave(name, line)
 
     def _leave(self, name: str, line: bytes) -> None:
-        """Drop a line; the next ones belong to the flight that it began or ended."""
+        """Drop a line; the next line belongs to the flight in progress after it."""
         if name == "flight":
             self._flight = line
         elif name == "flight_end":
