@@ -110,7 +110,10 @@ class FlightRecorder:
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
-        """Begin a flight in `info.directory`; raises `RecordingError` if it contains one."""
+        """Begin a flight in `info.directory`: its directories, configs and database.
+
+        Raises `RecordingError` if it cannot be written, or contains a flight.
+        """
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
             raise RecordingError(
@@ -181,7 +184,10 @@ class FlightRecorder:
         self._bound(self._urgent, MAX_WAITING_OTHERS)
 
     def without_pose(self, most: int) -> list[Pulse]:
-        """Up to `most` pulses with an open pose, oldest first; none while the disk fails."""
+        """Get up to `most` recorded pulses whose pose is open, the oldest first.
+
+        None while the disk fails.
+        """
         with suppress(sqlite3.Error, OSError, ValueError, TypeError):
             rows = self._connected().execute(schema.SELECT_PULSES_WITHOUT_POSE, (most,))
             return [schema.pulse_from_row(row) for row in rows]
@@ -274,7 +280,10 @@ class FlightRecorder:
         return full or not self._begun or self._is_gone() or not os.access(root, os.W_OK)
 
     def close(self) -> None:
-        """Commit, fold the log into the database and close anyway; raises `RecordingError`."""
+        """Commit, fold the log into the database file and close, even if the commit fails.
+
+        Raises `RecordingError` if it failed.
+        """
         try:
             self.commit()
             if self._database is not None:

@@ -477,7 +477,11 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update with the exponent of other tags, a normal of this mean and precision."""
+        """Update with knowledge of the exponent from other tags, as a normal likelihood.
+
+        `precision`: one over its variance.
+        `weighted`: its mean times the precision.
+        """
         known, before = self._external_exponent
         self._external_exponent = (known + precision, before + weighted)
         exponent = self._state.exponent

@@ -260,7 +260,10 @@ class Fleet:
         self._roads = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors with the flight's tags; None if it has ended."""
+        """Restart receiver and detectors with the flight's present tags.
+
+        Returns the flight; None if it has ended meanwhile.
+        """
         flight = self._mission.flight
         self._restarts_waiting += 1
         try:
