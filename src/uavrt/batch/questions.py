@@ -98,10 +98,7 @@ def _in_utc(answer: "pa.Table") -> "pa.Table":
 
 
 def check_archive(archive: Path) -> None:
-    """Reject a directory that no batch has written to.
-
-    Raises `FormatError`: there is no table of recordings.
-    """
+    """Reject a directory that no batch has written to; raises `FormatError`."""
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
             f"{archive} holds no {RECORDINGS}",

@@ -347,11 +347,7 @@ def _print(what: str, text: str, *, json_lines: bool) -> None:
 
 
 def read_area(path: Path) -> Places:
-    """Read the outline of an area.
-
-    Raises `FormatError`: it is not GeoJSON, KML or a QGroundControl plan with one outline
-    without holes.
-    """
+    """Read the one outline without holes of GeoJSON, KML or .plan; raises `FormatError`."""
     return area_in(_text_of(path), str(path))
 
 

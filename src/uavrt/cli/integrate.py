@@ -254,10 +254,7 @@ def _tracked(
 
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
-    """Name of the pattern: the requested one, else that of all these flights.
-
-    The second value is True if it is assumed.
-    """
+    """Name of the pattern, requested or of all flights; and whether it is assumed."""
     from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
@@ -448,10 +445,7 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags.
-
-    Raises `ConfigError`: one is not listed, or none is.
-    """
+    """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
     if not known:
         raise ConfigError(
             "there are no tags to search for", remedy="Name a tag file with --tags"

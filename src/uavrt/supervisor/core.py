@@ -61,11 +61,7 @@ CLOSE_S = 5.0
 
 
 class Supervisor:
-    """Joins mission, processes and records.
-
-    `on_record`: also called with each record line that passes, for viewers. `launcher`: starts
-    the processes; its nursery may be warming up already.
-    """
+    """Joins mission, processes and records; `on_record` gets each line, for viewers."""
 
     def __init__(
         self,
@@ -127,10 +123,7 @@ class Supervisor:
     # ------------------------------------------------------------------ life
 
     def claim(self) -> None:
-        """Become the only supervisor of these flights, and resume an unfinished one.
-
-        Raises `ConfigError` if another supervisor runs.
-        """
+        """Become the flights' only supervisor; raises `ConfigError` if there is another."""
         self._store.claim()
         self.mission.resume()
 

@@ -457,10 +457,7 @@ class ReliableSender(Generic[T]):
         return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
-        """Return the payload that goes now.
-
-        `rate_bytes_s`: of the link, for the choice between oldest and newest.
-        """
+        """Return the payload that goes now, by the link's rate."""
         self._expire(now_ns)
         entry = self._next(now_ns, rate_bytes_s) if self.wait_ns(now_ns) == 0 else None
         if entry is None:

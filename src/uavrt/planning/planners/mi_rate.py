@@ -8,6 +8,7 @@ give more gain nothing.
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.planning.actions import Action, Hold, Rotate
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.information import information_nats
@@ -18,8 +19,6 @@ from uavrt.planning.planners.ways import (
     headings,
     here,
     sampled,
-    some_of,
-    stacked,
     turning,
 )
 from uavrt.planning.situation import Candidate, Decision, Situation
@@ -101,7 +100,7 @@ class MiRate:
             return self._away(situation, ways)
         rate = np.full(len(spans), np.nan)
         weighed = np.flatnonzero(allowed)
-        legs, spans_s = some_of(legs, weighed), spans[weighed]
+        legs, spans_s = chosen_rows(legs, weighed), spans[weighed]
         nats = self._nats(situation, legs)
         gives = self._worth(situation, nats, spans_s)
         chance = np.array([one.existence_probability for one in wanted])
@@ -219,7 +218,7 @@ class MiRate:
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
         legs = sampled(situation, east, north, spans, _SAMPLES)
         if exploring and self._turns(situation):
-            legs = stacked(legs, turning(state, 360.0, self._rotation_s, _SAMPLES))
+            legs = joined_rows([legs, turning(state, 360.0, self._rotation_s, _SAMPLES)])
             spans = np.append(spans, self._rotation_s)
         goals = [one for one, fits in zip(goals, useful, strict=True) if fits]
         return ways, spans, legs, goals + [None] * (len(spans) - len(goals))
