@@ -59,7 +59,7 @@ class Entry(Generic[T]):
 
 
 class Underway(Generic[T]):
-    """Messages under way in the order of sending, when each counts as lost, and their hashes."""
+    """Messages under way in the order of sending, and when each counts as lost."""
 
     def __init__(self) -> None:
         self._sent: OrderedDict[EntryKey, Entry[T]] = OrderedDict()
