@@ -250,7 +250,7 @@ async def test_a_restarted_connection_continues_its_counts_and_reports_no_tag_as
         pulse_at(start_ns + 1_254_000_000),
         pulse_at(start_ns + 2_000_000_000, confirmed=False),
     ]
-    recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=None) for pulse in before])
+    recorder.write_pulses([PulsePose(pulse=pulse, pose=None) for pulse in before])
     recorder.close()
     bay.assignment = replace(bay.assignment, flight=flight)
     async with bay.running(), stock_station(bay) as station:
