@@ -25,6 +25,7 @@ from uavrt.guidance.mission import NOT_CHECKED, NOT_CHECKED_ABOARD, survey_items
 from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.plan_file import fence_file, survey_file
 from uavrt.guidance.safety import SAFETY
+from uavrt.mavlink.waiting import within
 from uavrt.messages import KeepOut, MotionRequest, SurveyPattern
 from uavrt.tunnel.motion import MotionState
 
@@ -407,14 +408,13 @@ class _Terminal:
         return await self._follow(link, offer.order_id)
 
     async def _status(self) -> int:
-        try:
-            async with asyncio.timeout(SESSION_WAIT_S):
-                self._show(await self._states.get())
-        except TimeoutError:
+        state = await within(SESSION_WAIT_S, self._states.get())
+        if state is None:
             raise LinkError(
                 "the drone does not report motion",
                 remedy="Set guidance.enabled = true in its uavrt.toml",
-            ) from None
+            )
+        self._show(state)
         return 0
 
     async def _agreed(self) -> bool:
