@@ -123,7 +123,7 @@ def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]
         with duckdb_connection(**limits) as connection:
             rows, size_bytes = connection.sql(size).fetchall()[0]
             if rows > size_bytes:  # a batch writes the path of each
-                raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows of nothing")
+                raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows without columns")
             yield connection
     except duckdb.OutOfMemoryException as error:
         most = limits.get("memory_limit", "this computer has")

@@ -235,7 +235,7 @@ class FlightLibrary:
             start_ns = int(row[0])
             end_ns = max(start_ns, int(last or 0), int(last_pose or 0))
             if not -LAST_NS <= start_ns <= end_ns < LAST_NS:
-                raise FormatError(f"{flight_id} has times that are none")
+                raise FormatError(f"{flight_id} has invalid times")
             summary = FlightSummary(
                 flight_id=flight_id,
                 start_time_ns=start_ns,
