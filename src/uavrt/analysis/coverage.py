@@ -217,8 +217,8 @@ def pulses_on(corners_m: list[tuple[float, float]], tag: Tag, speed_m_s: float) 
 def _check_pulses(count: float, tag: Tag) -> None:
     if count > MOST_PULSES:
         raise UsageError(
-            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this way",
-            remedy="Choose a shorter way",
+            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this path",
+            remedy="Choose a shorter path",
         )
 
 

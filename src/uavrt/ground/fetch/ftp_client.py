@@ -362,7 +362,7 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is no file", remedy="Remove it")
+        raise RecordingError(f"{part} is not a file", remedy="Remove it")
 
     def allow(size: int) -> None:
         listed = entry.size or 0
