@@ -75,14 +75,11 @@ def two_paths(
     binned_level = _binned(heading, weight * level)
     total, sum_level = weight.sum(), float(weight @ level)
     # Entry b of each correlation is the sum over headings of f(heading) g(b - heading).
-    mean = _correlated(binned, shapes)
+    weights, levels, harmonics = (fft.rfft(one) for one in (binned, binned_level, shapes))
+    mean = fft.irfft(harmonics * weights, 360)
     squares = float(weight @ level**2)
-    cost = (
-        squares
-        - 2.0 * _correlated(binned_level, shapes)
-        + _correlated(binned, shapes**2)
-        - (sum_level - mean) ** 2 / total
-    )
+    cost = fft.irfft(fft.rfft(shapes**2) * weights - 2.0 * harmonics * levels, 360)
+    cost += squares - (sum_level - mean) ** 2 / total
     cost = np.maximum(cost, _ROUNDING * squares)
     pulses = len(yaw_deg)
     one, many = cost[0].min(), cost[1:]
@@ -134,10 +131,3 @@ def _weaker_share() -> NDArray[np.float64]:
 
 def _binned(heading: NDArray[np.intp], weight: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.bincount(heading, weight, 360), np.float64)
-
-
-def _correlated(
-    binned: NDArray[np.float64], shapes: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(shapes, 360): sum over headings h of binned[h] shapes[·, b - h]."""
-    return np.asarray(fft.irfft(fft.rfft(shapes, axis=1) * fft.rfft(binned), 360, axis=1))
