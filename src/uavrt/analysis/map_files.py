@@ -62,10 +62,7 @@ class MapFile:
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
-        """Get a tile as it is stored; None where there is none.
-
-        Raises `FormatError`: the file is damaged.
-        """
+        """Get a tile as stored, None where there is none; raises `FormatError` if damaged."""
         if not 0 <= z <= _MOST_ZOOM:
             return None
         try:
@@ -88,10 +85,7 @@ class MapFile:
 
 
 def read_map(path: Path) -> MapFile:
-    """Read the metadata of a map file.
-
-    Raises `FormatError`: it is no map file.
-    """
+    """Read the metadata of a map file; raises `FormatError` if it is no map file."""
     try:
         if path.exists() and not path.is_file():
             raise ValueError("it is no file")

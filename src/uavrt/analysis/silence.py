@@ -124,7 +124,6 @@ class ListenedFlight:
         """Lay a map around a flight, by default of 120 cells, and read its noise.
 
         Stored results of the whole flight are read where `verdicts` are not given.
-
         Raises `RecordingError`: it has no poses.
         Raises `FormatError`: a file of heights or of stored results is damaged.
         Raises `UsageError`: the map would be too large.

@@ -111,7 +111,7 @@ class ConnectionInbox:
             Recorded: pulses.recorded,
             FlightInfo: pulses.begin_flight,
             Beep: status.beep,
-            Operation: lambda record: stations.answer(exchange.progress(record)),
+            Operation: lambda record: stations.answer(exchange.operations.progress(record)),
             CommandReply: self._reply,
             Settings: self._changed,
             StatusText: text,

@@ -52,7 +52,7 @@ class GroundStations:
         return self._crowd.passed_over
 
     def admits(self, peer: Peer, answers: int = 0) -> bool:
-        """Whether to handle an unsealed message; without a seal there is no own share."""
+        """Whether to handle an unsealed message; on a locked link these share one allowance."""
         place = (0, 0) if self.gate.locked else peer.place
         return self._crowd.admits(place, self._now_ns(), answers=answers)
 

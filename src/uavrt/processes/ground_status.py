@@ -94,7 +94,7 @@ class GroundStatus:
             self._next_ns.pop("heartbeat", None)
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
-            for step in self._exchange.progress_again():
+            for step in self._exchange.operations.again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
             self._send_beep()

@@ -22,12 +22,13 @@ from uavrt.guidance.area_text import keep_out_in
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.manners import manners_of
-from uavrt.guidance.offers import HOME_MOVED_M
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
-from uavrt.guidance.search_task import TAG_HEIGHT_M, Equipment
+from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import Equipment
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.shared_search import SharedSearch
 from uavrt.heap import heap_of_short_arrays
@@ -105,7 +106,7 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
     elevation = open_elevation(Path(settings.terrain))
     return HillLosses(
-        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=TAG_HEIGHT_M
+        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=SEARCH.tag_height_m
     )
 
 
@@ -431,7 +432,7 @@ class Guide:
         The authority has no home before the offer; fence, ground and return must be those of
         the plan.
         """
-        if distance_m(*offered.home, *now.home) > HOME_MOVED_M:
+        if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
                 "home was moved while the order was planned", remedy="Request the motion again"
             )

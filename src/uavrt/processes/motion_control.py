@@ -7,11 +7,11 @@ from uavrt.clock import monotonic_s
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.commanded import STALL_S
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Observation
 from uavrt.guidance.offers import WHEN_YOURS
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink.message import Message
@@ -109,7 +109,7 @@ class MotionControl:
     def wake(self, now_s: float, *, turn: bool = False) -> None:
         """End control after a stall of this process, when messages may be old."""
         pause_s = self.stalls.wake(now_s, turn=turn)
-        if pause_s > STALL_S:
+        if pause_s > SAFETY.stall_s:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
 
     def see(self, observations: Iterable[Observation], now_s: float) -> None:

@@ -56,7 +56,7 @@ class PulsePath:
         self._named_values = NamedValues(
             frame.assignment.settings.mavlink.named_values,
             wanted=lambda: link.other_station_present,
-            pulses_wait=lambda: self.outlet.sender.waiting > 0,
+            pulses_wait=lambda: self.outlet.sender.pulses.waiting > 0,
         )
         link.tunnel.add_source(self.outlet.sender, Priority.PULSE)
         link.tunnel.add_source(self._named_values, Priority.VALUE)
@@ -92,7 +92,7 @@ class PulsePath:
         sender = self.outlet.sender
         sender.station_present(self._link.station_present, now_ns)
         self.outlet.tick(now_ns)
-        if sender.unanswered(now_ns):
+        if sender.underway.unanswered(now_ns):
             self._link.tunnel.unanswered(now_ns)
 
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
@@ -132,10 +132,10 @@ class PulsePath:
 
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
         """Handle a ground station's receipt."""
-        now_ns, sender = self._now_ns(), self.outlet.sender
-        before = sender.stores, sender.proven
+        now_ns, stores = self._now_ns(), self.outlet.sender.stores
+        before = stores.present, stores.proven
         proven, trip_s = self.outlet.receipt(payload, place, now_ns)
-        if sender.stores - before[0] or sender.proven - before[1]:
+        if stores.present - before[0] or stores.proven - before[1]:
             self._delivery.station_came()
         if proven:
             self._link.tunnel.rate.acknowledged(trip_s, now_ns)
@@ -156,7 +156,7 @@ class PulsePath:
     def unsent(self) -> int:
         """Pulses that wait for a pose, for sending, or for a receipt."""
         sender = self.outlet.sender
-        return self._poses.pulses_waiting + sender.waiting + sender.in_flight
+        return self._poses.pulses_waiting + sender.pulses.waiting + len(sender.underway)
 
     def counters(self) -> dict[str, float]:
         """Counts with names for a health record."""

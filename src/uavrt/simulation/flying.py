@@ -85,10 +85,7 @@ class GroundContact:
 
 
 class FlyingVehicle:
-    """The vehicle; `advance` lets time pass, `command` obeys a command of any sender.
-
-    `plane`: around home.
-    """
+    """Vehicle around home: `advance` lets time pass, `command` obeys any sender."""
 
     def __init__(
         self,

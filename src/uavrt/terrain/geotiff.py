@@ -85,10 +85,7 @@ class _Blocks:
 
 
 def geotiff_raster(path: Path) -> Raster:
-    """Open a GeoTIFF.
-
-    Raises `FormatError`: it is damaged, has no georeference, or is unsupported.
-    """
+    """Open a GeoTIFF; raises `FormatError` if damaged, unplaced or unsupported."""
     try:
         require_plain_file(path)
         with path.open("rb") as file:

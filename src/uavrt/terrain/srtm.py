@@ -37,10 +37,7 @@ _DAMAGED = (
 
 
 def srtm_raster(path: Path) -> Raster:
-    """Open a tile.
-
-    Raises `FormatError`: its name holds no place, or it is cut off.
-    """
+    """Open a tile; raises `FormatError` if its name holds no place, or it is cut off."""
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(

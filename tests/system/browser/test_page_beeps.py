@@ -48,13 +48,13 @@ def test_a_wrong_label_is_corrected_by_one_press_and_undone_by_another(
         "tag 2: 148.710640 MHz, was 148.710000 MHz", timeout=4 * WAIT_MS
     )
     assert read_tags(scene.here / "tags.toml")[0].frequency_hz == 148_710_640.0
-    until(lambda: drone.world.mission.tags[2].frequency_hz == 148_710_640.0)
+    until(lambda: drone.world.mission.upload.tags[2].frequency_hz == 148_710_640.0)
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     watched.picture("beeps-corrected")
     page.get_by_role("button", name="Undo").click()
     expect(box).not_to_contain_text("above its label", timeout=4 * WAIT_MS)
     expect(box.get_by_role("button")).to_have_count(0, timeout=4 * WAIT_MS)
-    until(lambda: drone.world.mission.tags[2].frequency_hz == THESIS_TAG.frequency_hz)
+    until(lambda: drone.world.mission.upload.tags[2].frequency_hz == THESIS_TAG.frequency_hz)
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
 
 

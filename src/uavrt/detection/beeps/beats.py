@@ -46,10 +46,7 @@ class FoundBeat:
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find beats, the one with the most pulses first.
-
-    `times_s` (n,): bursts at one frequency, ascending.
-    """
+    """Find beats in ascending times (n,) at one frequency, that with most pulses first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
     while len(found) < most and left.size >= FEWEST:

@@ -61,10 +61,7 @@ def amplitude_limit(
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of amplitudes of cells of noise that is reached with a given probability.
-
-    `count`: cells, whose energies are exponential with mean 1.
-    """
+    """Sum of the amplitudes of noise cells that is reached with a given probability."""
     low, high = 0.02, 8.0
     for _ in range(50):
         middle = 0.5 * (low + high)

@@ -95,10 +95,7 @@ class Cleaner:
         return self._whitener is not None and self._whitener.active
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Clean the samples of indices [first, last).
-
-        `renew`: measure the floor again.
-        """
+        """Clean the samples of indices [first, last); `renew` measures the floor again."""
         ready = max(self._without_lines, min(buffer.end, last + self.margin))
         buffer.examine(ready)
         if self._whitener is None or self._limiter is None:

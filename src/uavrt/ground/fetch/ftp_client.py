@@ -16,11 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.errors import LinkError, RecordingError
+from uavrt.errors import LinkError, RecordingError, os_errors_as
 from uavrt.ground.fetch.same_flight import others, place_for
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.mavlink.waiting import within
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)
@@ -259,13 +260,7 @@ class FileClient:
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
         """Get the next reply; None if none came in time, even amid unrelated ones."""
         left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
-        if left_s <= 0.0:
-            return None
-        try:
-            async with asyncio.timeout(left_s):
-                return await self._replies.get()
-        except TimeoutError:
-            return None
+        return None if left_s <= 0.0 else await within(left_s, self._replies.get())
 
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
@@ -378,7 +373,9 @@ async def fetch_file(
             )
         _require_free(part, size - (_size(part) or 0))
 
-    try:
+    with os_errors_as(
+        RecordingError, f"cannot write {place}", remedy="Give another place with -o"
+    ):
         await asyncio.to_thread(place.parent.mkdir, parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0
@@ -392,10 +389,6 @@ async def fetch_file(
                 await asyncio.to_thread(part.replace, free)
                 return True
             part.unlink()
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {place}: {error.strerror}", remedy="Give another place with -o"
-        ) from error
     raise RecordingError(
         f"{entry.path} is different each time it is read",
         remedy="It is still being written; stop the detection and fetch it again",

@@ -12,10 +12,7 @@ drone's clock is off."""
 
 
 class ClockSkew:
-    """Estimates the offset from the promptest of several pulses.
-
-    `skew_ns`: how far the drone's clock is behind ours; None before it is judged.
-    """
+    """Estimates by the promptest pulses how far the drone's clock is behind, once judged."""
 
     def __init__(self) -> None:
         self.skew_ns: int | None = None

@@ -17,10 +17,7 @@ from uavrt.messages import Tag
 
 
 class Connection:
-    """The link to a vehicle, while there is one.
-
-    `make_link`: makes it, given the keywords `generation`, `receipts` and `identity`.
-    """
+    """The link to a vehicle, while there is one; `make_link` makes it by keywords."""
 
     def __init__(
         self,

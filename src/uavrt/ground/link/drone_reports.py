@@ -12,10 +12,7 @@ from uavrt.messages import Beep, LiveBearing, PulsePose, Tag, drop_beeps, keep_b
 
 
 class DroneReports:
-    """The drone's latest reports.
-
-    `now_ns`: start of the silence until the first contact.
-    """
+    """The drone's latest reports; its silence begins at `now_ns`."""
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None

@@ -19,15 +19,16 @@ from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT, area_in, circle, keep_out_in
 from uavrt.guidance.mission import NOT_CHECKED_ABOARD, survey_items
-from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
+from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.plans import survey_places
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
 """Silence after which the drone's motion state is unknown; it comes once a second."""
-OFFER_NS = ns_from_s(OFFER_HOLDS_S)
+OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for a confirmation [ns]."""
 PATTERNS = ("lines", "around", "points")
 Places = tuple[tuple[float, float], ...]

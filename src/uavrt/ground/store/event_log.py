@@ -29,10 +29,7 @@ class _Line(msgspec.Struct, frozen=True):
 
 
 class EventLog:
-    """Lines in memory and, one JSON object each, in a file.
-
-    `path`: the file; lines of earlier runs are read from it.
-    """
+    """Lines in memory and, one JSON object each, in a file, whose earlier ones are read."""
 
     def __init__(self, path: Path, disk: Disk = at_once) -> None:
         self._path = path
@@ -42,11 +39,7 @@ class EventLog:
         self._read()
 
     def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
-        """Add a line, cut at 400 characters; return it as it is shown.
-
-        `severity`: MAVLink's, 0 (emergency) to 7 (debug).
-        `source`: ``"drone"``, ``"acknowledgement"`` or ``"ground"``.
-        """
+        """Add a line of a MAVLink severity and source, cut at 400 characters; return it."""
         self._number += 1
         line = {
             "number": self._number,

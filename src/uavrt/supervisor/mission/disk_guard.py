@@ -18,10 +18,7 @@ log = get_logger()
 
 
 class DiskGuard:
-    """Monitors the free space where flights are kept.
-
-    `settings`: the limit, and whether old flights may be removed.
-    """
+    """Monitors the free space of flights, by the settings' limit and leave to remove."""
 
     def __init__(self, directory: Path, settings: RecordingSettings) -> None:
         self._directory = directory

@@ -19,10 +19,7 @@ FORGOTTEN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """List the flights that may go, the oldest first: not the newest, not starred.
-
-    The newest stays with its copies.
-    """
+    """List the flights that may go, oldest first: not the newest or its copies, not starred."""
     older = itertools.chain(*with_copies(flights)[:-1])
     return [flight for flight in older if not FlightLayout(flight).star.exists()]
 

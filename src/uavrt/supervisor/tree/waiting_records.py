@@ -25,11 +25,7 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Lines for one process instance, in order.
-
-    `backlog`: most lines of any topic; see `ProcessRow.backlog`. `keeps`: keep what was sent
-    until the process has taken it.
-    """
+    """Lines for a process instance, at most `backlog` a topic; `keeps` them until taken."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
