@@ -113,7 +113,7 @@ def integrate_flight(
     Raises `UsageError`: recording and poses are not of the same time.
     """
     if not tags:
-        raise ConfigError("there are no tags to look for", remedy="Name a tag file")
+        raise ConfigError("there are no tags to search for", remedy="Name a tag file")
     if len(flight.poses) < 2:
         raise RecordingError(
             f"{flight.info.directory} has no poses",

@@ -25,6 +25,7 @@ from uavrt.guidance.mission import NOT_CHECKED, NOT_CHECKED_ABOARD, survey_items
 from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.plan_file import fence_file, survey_file
 from uavrt.guidance.safety import SAFETY
+from uavrt.mavlink.waiting import within
 from uavrt.messages import KeepOut, MotionRequest, SurveyPattern
 from uavrt.tunnel.motion import MotionState
 
@@ -242,7 +243,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
             )
     elif bool(request.places) == (request.radius_m is not None):
         raise ConfigError(
-            "a search needs one area",
+            "a search needs exactly one area",
             remedy="Give --area FILE.geojson, or --radius 300 for a circle around the drone",
         )
 
@@ -347,11 +348,7 @@ def _print(what: str, text: str, *, json_lines: bool) -> None:
 
 
 def read_area(path: Path) -> Places:
-    """Read the outline of an area.
-
-    Raises `FormatError`: it is not GeoJSON, KML or a QGroundControl plan with one outline
-    without holes.
-    """
+    """Read the one outline without holes of GeoJSON, KML or .plan; raises `FormatError`."""
     return area_in(_text_of(path), str(path))
 
 
@@ -411,14 +408,13 @@ class _Terminal:
         return await self._follow(link, offer.order_id)
 
     async def _status(self) -> int:
-        try:
-            async with asyncio.timeout(SESSION_WAIT_S):
-                self._show(await self._states.get())
-        except TimeoutError:
+        state = await within(SESSION_WAIT_S, self._states.get())
+        if state is None:
             raise LinkError(
-                "the drone says nothing of motion",
+                "the drone does not report motion",
                 remedy="Set guidance.enabled = true in its uavrt.toml",
-            ) from None
+            )
+        self._show(state)
         return 0
 
     async def _agreed(self) -> bool:

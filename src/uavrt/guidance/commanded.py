@@ -1,4 +1,4 @@
-"""Watch what was commanded last: the drone must do that and nothing else. Pure."""
+"""Monitor the last command: the drone must fly that and nothing else. Pure."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, radians, sin
@@ -17,21 +17,21 @@ OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes th
 
 @dataclass(slots=True, kw_only=True)
 class Commanded:
-    """The last command, and how the drone follows it; its methods say what is not ours."""
+    """The last command, and how the drone follows it; its methods return deviations."""
 
     wish: Wish
     manners: Manners
     sent_s: float
     first: bool
-    """It is the first command of its order, which may change the mode."""
+    """True for the first command of its order, which may change the mode."""
     before: TargetSeen | None
-    """Target of the time before the command."""
+    """Target before the command."""
     start: PositionSeen
-    """Where the drone was."""
+    """Position of the drone when it was sent."""
     turning_deg_s: InitVar[float]
-    """How fast the drone's heading changed."""
+    """Rate at which the drone's heading changed then."""
     previous: InitVar["Commanded | None"]
-    """The command before, of the same order."""
+    """Previous command of the same order."""
     left_m: float = field(init=False)
     """Least distance to the target so far."""
     slack_m: float = field(init=False)
@@ -41,12 +41,13 @@ class Commanded:
     target_yaw: YawWatch | None = field(init=False, default=None)
     progress: Progress = field(init=False, default_factory=Progress)
     top_m: float = field(init=False)
-    """Greatest altitude so far, of a take-off."""
+    """Highest altitude so far during a take-off."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
-    """It was at its target once."""
+    """True once it was at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """It is near its target and may stop on its way: no message would show a pause."""
+    """True while it is near its target and may stop legitimately; a pause would be
+    invisible."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -74,23 +75,23 @@ class Commanded:
 
     @property
     def _wanted_yaw_deg(self) -> float | None:
-        """Heading that the command asks for, by an autopilot that takes one."""
+        """Heading of the command, for an autopilot that takes one."""
         if isinstance(self.wish, FlyThere) and self.manners.yaw_in_reposition:
             return self.wish.yaw_deg
         return None
 
     @property
     def takes_off(self) -> bool:
-        """Whether it is of a take-off, during which the autopilot may report no target."""
+        """True for a take-off, during which the autopilot may report no target."""
         return isinstance(self.wish, TakeMode | TakeOff)
 
     @property
     def turned_deg(self) -> float:
-        """How far the turn in place is."""
+        """Progress of the turn in place."""
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Say what should have been seen by now."""
+        """Return what should have been reported by now and is missing."""
         longest_s = SAFETY.obeyed_within_s
         if isinstance(self.wish, TakeOff):
             longest_s = SAFETY.takeoff_begins_within_s
@@ -103,13 +104,13 @@ class Commanded:
         return "the target is no longer reported" if lost else None
 
     def in_own_mode(self) -> None:
-        """Note that the vehicle is in our mode, which is all that `TakeMode` asks for."""
+        """Record that the vehicle is in our mode, which is all that `TakeMode` requests."""
         self.obeyed |= isinstance(self.wish, TakeMode)
 
     def see_target(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Take the target that the autopilot reports, and how fast its heading changes."""
+        """Check the reported target, given the rate of change of the heading."""
         match self.wish:
             case GoHome():
                 return None  # the mode shows it
@@ -131,7 +132,7 @@ class Commanded:
     def see_target_yaw(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Take the heading that the autopilot reports with its target."""
+        """Check the heading that the autopilot reports with its target."""
         if seen.yaw_deg is None or not self.manners.yaw_in_reposition:
             return None
         if not isinstance(self.wish, FlyThere):
@@ -149,7 +150,7 @@ class Commanded:
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
-        """None, or above where it stood and at the height asked for, where it reports one."""
+        """Check the target during a take-off: none, or above the start at its height."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
@@ -165,16 +166,16 @@ class Commanded:
         return same_place(one, other, self.manners.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
-        """When a report was made [s], by its own clock: after a stall it is read later."""
+        """Time of a report by its own clock [s]; after a stall it is processed later."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
         return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
     def _waits(self, seen: TargetSeen) -> bool:
-        """Whether the autopilot may not have taken the command when it reported this."""
+        """True if the report may be older than the autopilot's reaction to the command."""
         return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
-        """Whether it is that of before the command, or what our change of mode makes."""
+        """True if the target may be the previous one, or caused by our change of mode."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
@@ -184,7 +185,7 @@ class Commanded:
         return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
 
     def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
-        """Take a position, and how fast the heading changes."""
+        """Check a position, given the rate of change of the heading."""
         wish = self.wish
         if isinstance(wish, GoHome):
             return None
@@ -220,7 +221,7 @@ class Commanded:
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
-        """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
+        """Check a climb: straight up without a pause; in `TakeMode` it stays on the ground."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
         self.top_m = max(self.top_m, altitude)
         self.obeyed |= rises and altitude > self.start.altitude_amsl_m + SAFETY.takeoff_rise_m
@@ -238,7 +239,7 @@ class Commanded:
         return self._see_yaw(seen)
 
     def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-        """What is left of a motion in the air."""
+        """Remaining parts of a motion in the air."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
             if yaw is None or yaw.turn_deg is None:

@@ -1,7 +1,7 @@
-"""Hands on the remote control: sticks, and every other channel of the receiver. Pure.
+"""Detect a pilot at the remote control: sticks and all other channels. Pure.
 
-A stick that moves is a pilot who flies. So is a switch, whatever it does: who flips PX4's mode
-switch to Hold while we fly in Hold changes neither the mode nor the target.
+A moved stick means that a pilot flies. So does any switch: flipping PX4's mode switch to Hold
+while we fly in Hold changes neither mode nor target.
 """
 
 from uavrt.guidance.observed import SticksSeen
@@ -9,12 +9,11 @@ from uavrt.guidance.safety import SAFETY
 
 
 class HandWatch:
-    """Says whether a stick or a switch stands elsewhere than it stood.
+    """Detects a stick or switch that has moved.
 
-    One message may be a receiver's slip of a switch; a second one, or 0.1 s without another, is
-    none.
-
-    `unwatched`: numbers of channels that no hand moves, such as one that carries the RSSI.
+    A switch counts after two messages, or 0.1 s without a contrary one, since one message may
+    be a receiver's glitch. `unwatched`: channels without a control, such as one that carries
+    the RSSI.
     """
 
     def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
@@ -23,11 +22,11 @@ class HandWatch:
 
     @property
     def unsure(self) -> bool:
-        """Whether a switch has just been seen elsewhere, once."""
+        """True if a switch has been seen moved in one message only."""
         return bool(self._off_since_s)
 
     def see(self, seen: SticksSeen) -> str | None:
-        """Say what was moved for sure, by what is reported now."""
+        """Return what has certainly moved, given this report."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
@@ -40,7 +39,7 @@ class HandWatch:
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
-        """Say which switch was moved for sure when nothing was reported meanwhile."""
+        """Return which switch has certainly moved when no further report arrived."""
         since_s = self._off_since_s.items()
         return _switched(
             [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
@@ -58,7 +57,7 @@ class HandWatch:
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Say which switch was moved, and what to do if it is none."""
+    """Describe a moved switch, and the remedy if the channel is not a switch."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

@@ -1,4 +1,4 @@
-"""What flying takes, learnt in flight: what was foretold and what the battery gave. Pure."""
+"""Learn the power of flight from predictions and battery readings. Pure."""
 
 from dataclasses import replace
 
@@ -8,9 +8,9 @@ from uavrt.planning.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """What is believed before the first lesson.
+    """Prior estimate of the power.
 
-    `hover_w`: power of hovering by the settings; None: not known.
+    `hover_w`: hover power by the settings; None: unknown.
     """
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH.unknown_sigma)
@@ -23,16 +23,16 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 
 
 class Lessons:
-    """One drone's: what it takes to fly, stretch by stretch, over all its orders.
+    """Power estimate of one drone, updated stretch by stretch over all its orders.
 
-    `hover_w`: as of `energy_of`.
-    `battery_wh`: size of the full battery; None: nothing is learnt.
+    `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery; None: nothing is
+    learnt.
     """
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)
         self.learnt = 0
-        """Lessons so far."""
+        """Number of updates so far."""
         self._battery_wh = battery_wh
         self._before_s: float | None = None
         self._percent: float | None = None
@@ -40,9 +40,9 @@ class Lessons:
         self._predicted_wh = 0.0
 
     def taught(self, now: VehicleNow) -> VehicleNow:
-        """Take the reading of now, and add what is known by it.
+        """Add the present reading; return the state with the learnt power.
 
-        Only while an order is flown: then the drone is in the air.
+        Updates only while an order is flown: then the drone is in the air.
         """
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
@@ -51,7 +51,7 @@ class Lessons:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a reading; a stretch begins and ends where it changes, in whole percents."""
+        """Add a reading; stretches begin and end where the whole percentage changes."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:

@@ -1,7 +1,7 @@
-"""What was heard and what was not, and where the antenna was then. Pure.
+"""Detected and missed pulses, with the antenna's pose at those times. Pure.
 
-A pulse brings its own pose. That none came is known later, and only for times in which a
-detector says that it has searched: a radio that is away is no silence.
+A pulse has its own pose. A miss is known later, and only for times that a detector reports as
+searched: an absent radio is no evidence of absence.
 """
 
 from collections import deque
@@ -20,7 +20,7 @@ from uavrt.units import wrap_degrees_360
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna:
-    """Where the antenna was."""
+    """Pose of the antenna."""
 
     time_s: float
     east_m: float
@@ -32,7 +32,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A pulse of a tag, or that none was heard when one was due."""
+    """A pulse of a tag, or a miss where one was due."""
 
     tag_id: int
     time_s: float
@@ -41,43 +41,43 @@ class Evidence:
 
 @dataclass(slots=True)
 class _Ear:
-    """Of one tag."""
+    """Search state of one tag."""
 
     slot_s: float
-    """Between two pulses, with what they may be off by."""
+    """Pulse interval including its uncertainty."""
     late_s: float
     gap_s: float
-    """Longest between two reports of one search."""
+    """Longest gap between two reports of one search."""
     threshold_db: float
-    """Of what is missed when nothing came so late."""
+    """Threshold for a missed pulse that cannot be detected later [dB]."""
     least_db: float
-    """Of what may come later still."""
+    """Threshold for a missed pulse that a later group may still include [dB]."""
     from_s: float | None = None
-    """Searched without a gap since then; None: not at all."""
+    """Time since which the search has no gap; None: not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
-    """Begin of the first slot that is not judged yet."""
+    """Start of the first slot that is not evaluated yet."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0
 
 
 def threshold_db(k: int, *, coded: bool = False) -> float:
-    """ENR at which half of the groups of K equal pulses are found; or of K coded bursts.
+    """ENR at which half of the groups of K equal pulses, or of K coded bursts, are found [dB].
 
-    A line through `uavrt.detection.sensitivity.enr_needed_db` for tags of 20 ms, of exact and
-    of usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. On
-    the drone that would take scipy.stats, twice the guide's memory. One coded burst of four
-    pulses takes 9.7 dB a pulse, three 6.0, ten 2.7.
+    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags with exact and usual
+    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. The function
+    itself would need scipy.stats, twice the guide's memory. One coded burst of four pulses
+    takes 9.7 dB per pulse, three 6.0, ten 2.7.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
 
 class Ears:
-    """Turns pulses, reports and places into evidence.
+    """Turns pulses, reports and positions into evidence.
 
-    `k`: pulses of a group; 0: as each tag says.
-    `codes`: coded tags that are listed, sought or not: of many, reports come more seldom.
+    `k`: pulses in a group; 0: as each tag says. `codes`: number of listed coded tags, sought or
+    not: with many, reports are less frequent.
     """
 
     def __init__(
@@ -97,21 +97,21 @@ class Ears:
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
-        """Pulses without information: without a pose, doubtful, ghosts, or repeated."""
+        """Pulses without information: no pose, doubtful, ghost, or repeated."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
-        """Pulses heard and missed."""
+        """Pulses detected and missed."""
         ear = self._ears[tag_id]
         return ear.pulses, ear.missed
 
     def place(self, place: Antenna) -> None:
-        """Take where the antenna is."""
+        """Add the antenna's present pose."""
         self._places.append(place)
         while self._places[0].time_s < place.time_s - SEARCH.kept_s:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
-        """Add a pulse that came at that time; None where it is no evidence."""
+        """Add a pulse received at that time; None if it gives no evidence."""
         pulse, pose = pulse_pose.pulse, pulse_pose.pose
         ear = self._ears.get(pulse.tag_id)
         if ear is None or pulse.detection_status == "subthreshold":
@@ -137,7 +137,7 @@ class Ears:
         return self._evidence(pulse.tag_id, place, pulse.snr_db, ear)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Take how far a detector has come with a tag."""
+        """Record a detector's search progress for one tag."""
         ear = self._ears.get(report.tag_id)
         if ear is None:
             return
@@ -147,7 +147,7 @@ class Ears:
         ear.to_s = max(ear.to_s, time_s)
 
     def missed(self) -> list[Evidence]:
-        """What was not heard, as far as that is known by now."""
+        """Missed pulses that are certain by now."""
         found = []
         for tag_id, ear in self._ears.items():
             if ear.from_s is None:
@@ -199,10 +199,10 @@ def _ear(tag: Tag, k: int) -> _Ear:
 
 
 def _coded_ear(tag: Tag, codes: int) -> _Ear:
-    """Of a coded tag: what no burst shows by itself is missed, and may yet come.
+    """State of a coded tag: a burst below its own threshold may still be found later.
 
-    A burst that stands out is reported within a second or two; what only ten show comes up to
-    eighteen intervals late, when the drone is long elsewhere.
+    A strong burst is reported within a second or two; one that only ten together show, up to
+    eighteen intervals late, when the drone is far away.
     """
     (interval,) = tag.pulse_intervals_s
     return _Ear(

@@ -1,4 +1,4 @@
-"""The vehicle as the autopilot reported it last, and why it cannot be flown by order. Pure."""
+"""The vehicle by its last reports, and why it cannot be flown by order. Pure."""
 
 from math import inf
 
@@ -23,26 +23,26 @@ from uavrt.units import wrap_degrees_180
 
 
 class ObservedVehicle:
-    """Holds the newest report of each kind; `take` brings the next one."""
+    """Holds the newest report of each kind."""
 
     def __init__(self, manners: Manners, failsafe: FailsafeSeen | None = None) -> None:
         self.manners = manners
         self.mode: ModeSeen | None = None
         self.heartbeat: ModeSeen | None = None
-        """Newest report of the mode that says whether it is armed."""
+        """Newest mode report that includes the arming state."""
         self.position: PositionSeen | None = None
         self.target: TargetSeen | None = None
         self.turning_deg_s = self.target_turning_deg_s = 0.0
-        """How fast heading and reported heading changed when seen last."""
+        """Last rates of change of heading and reported target heading."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
         self.failsafe = failsafe
-        """Kept over a restart of the autopilot, until it is too old."""
+        """Last failsafe; kept over a restart of the autopilot until it is too old."""
         self._lateness = Lateness()
 
     def take(self, seen: Observation) -> bool:
-        """Take a report; False for one that a newer one has overtaken on its way."""
+        """Store a report; False if a newer one has arrived before."""
         match seen:
             case PositionSeen():
                 if self.position is not None and seen.boot_s < self.position.boot_s:
@@ -76,7 +76,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Say that this report is of an autopilot that has started since the last one."""
+        """Return the reason if this report shows that the autopilot has restarted."""
         if isinstance(seen, Boot):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
@@ -92,21 +92,21 @@ class ObservedVehicle:
 
     @property
     def mode_name(self) -> str:
-        """The mode as pilots call it; empty before any was seen."""
+        """The mode's name; empty before any report."""
         return "" if self.mode is None else self.manners.mode_name(self.mode.mode)
 
     @property
     def in_own_mode(self) -> bool:
-        """Whether it is in the mode that flies our commands."""
+        """True if it is in the mode that flies our commands."""
         return self.mode is not None and self.mode.mode == self.manners.own_mode
 
     @property
     def late(self) -> str | None:
-        """Says that the vehicle's reports are too old to command anything; else None."""
+        """Return the reason if reports are too old for any command; else None."""
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Why no order, or no take-off, can be confirmed now, and the remedy; else None."""
+        """Why an order or a take-off cannot be confirmed now, with the remedy; else None."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
             return "the autopilot's mode is not known", "Check the link to the autopilot"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -133,7 +133,7 @@ class ObservedVehicle:
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Say what has not been reported for so long that an order ends."""
+        """Return which report has been missing so long that an order ends."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
@@ -143,7 +143,7 @@ class ObservedVehicle:
         return None
 
     def on_ground(self, now_s: float) -> bool:
-        """Whether it stands on the ground, by its own word or else by its height above home."""
+        """True if it is on the ground, as reported or else by its height above home."""
         landed, position = self.landed, self.position
         fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
@@ -155,19 +155,19 @@ class ObservedVehicle:
         return inf if self.target is None else now_s - self.target.time_s
 
     def sees_sticks(self, now_s: float, within_s: float) -> bool:
-        """Whether a remote control is there whose sticks were reported within this time."""
+        """True if a remote control's sticks were reported within this time."""
         seen = self.sticks
         return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
 
     def hands(self, now_s: float, unwatched: frozenset[int]) -> HandWatch | None:
-        """Watch the remote control from now on; None: it is not seen."""
+        """Start to monitor the remote control; None: not received."""
         if self.sticks is None or not self.sees_sticks(now_s, SAFETY.sticks_lost_s):
             return None
         return HandWatch(self.sticks, unwatched)
 
 
 def ended_by(seen: Observation) -> str | None:
-    """Say why a report ends any order and any offer, whatever was commanded."""
+    """Return the reason if a report ends any order and any offer."""
     match seen:
         case FailsafeSeen():
             return f"failsafe: {seen.what}"
@@ -183,7 +183,7 @@ def ended_by(seen: Observation) -> str | None:
 def _turning(
     before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
 ) -> float:
-    """How fast a heading turns, by two reports; as it was known by two of the same instant."""
+    """Rate of turn by two reports; unchanged if both are of the same instant."""
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
     if before is None or gap_s <= 0.0:
         return known

@@ -1,7 +1,7 @@
-"""A confirmed order: what the vehicle does that we did not cause, and what may be sent. Pure.
+"""Monitor a confirmed order: changes that we did not cause, and what may be sent. Pure.
 
 Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
-target of the order before; from then on it must follow the command (`Commanded`).
+previous order's target; after it, the vehicle must follow the command (`Commanded`).
 """
 
 from dataclasses import dataclass, field
@@ -29,14 +29,14 @@ from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, Wish
 
 @dataclass(slots=True)
 class JumpWatch:
-    """Watches positions: neither place nor altitude may jump; that of home may be corrected."""
+    """Detects jumps of position or altitude; a correction of home's altitude is allowed."""
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """By how much the altitude has jumped in all, against the height above home."""
+    """Sum of altitude jumps against the height above home."""
 
     def see(self, seen: PositionSeen) -> str | None:
-        """Say what has jumped since the report before."""
+        """Return what has jumped since the previous report."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -58,21 +58,21 @@ class OrderWatch:
     """One order, from its confirmation to its end."""
 
     offer: Offer
-    """What was confirmed."""
+    """The confirmed offer."""
     confirmed_s: float
     planner_s: float
-    """Last sign of life of the process that sends the wishes."""
+    """Time of the planning process's last heartbeat."""
     place: PositionSeen
     home: HomeSeen
-    """Both at the confirmation."""
+    """Home at the confirmation."""
     target: TargetSeen | None
-    """Newest one, until the first command."""
+    """Newest reported target, until the first command."""
     hands: HandWatch | None
-    """Since the confirmation, where a remote control was seen."""
+    """Remote control since the confirmation, if received."""
     sticks_unseen: bool
-    """The operator knows that no hand would be seen in time."""
+    """True if the operator accepted that sticks are not monitored in time."""
     flown: Commanded | None
-    """Of the order before, which the vehicle flies until the first command of this one."""
+    """Command of the previous order, flown until this order's first command."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
     jumps: JumpWatch = field(init=False)
@@ -82,46 +82,50 @@ class OrderWatch:
 
     @property
     def datum_m(self) -> float:
-        """Altitude from which the heights of the order count, whatever home becomes."""
+        """Reference altitude for the order's heights, kept even if home changes."""
         return self.place.altitude_amsl_m - self.place.altitude_relative_m
 
     @property
     def leg(self) -> Commanded | None:
-        """What the vehicle flies by our command, if anything."""
+        """The command that the vehicle flies, if any."""
         return self.motion or self.flown
 
     @property
     def nearest_m(self) -> float | None:
-        """Least distance to its target that the leg has reached; None: it is no leg."""
+        """Least distance to the target reached on this leg; None: not a leg."""
         leg = self.leg
         flies = leg is not None and isinstance(leg.wish, FlyThere)
         return round(leg.left_m, 2) if leg is not None and flies else None
 
     def planner_alive(self, now_s: float) -> None:
-        """Note a sign of life of the process that sends the wishes."""
+        """Record a heartbeat of the planning process."""
         self.planner_s = now_s
 
     def check(
         self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool, stops: bool
     ) -> None:
-        """Raise `CommandRefused` where a wish must not become a command now."""
+        """Raise `CommandRefused` if a request must not become a command now."""
         self._check_seen(vehicle, now_s)
         mode, _, _ = vehicle.known
         if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
             raise CommandRefused("this is not what was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
         if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
-            raise CommandRefused("the mode was not seen just now")
+            raise CommandRefused("the autopilot's mode was not reported just now")
         if not first and mode.mode != vehicle.manners.own_mode:
-            raise CommandRefused("the first command is not yet seen to be obeyed")
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the first command"
+            )
         motion = self.motion
         if motion is not None and not motion.obeyed:
-            raise CommandRefused("the command before is not yet seen to be obeyed")
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the previous command"
+            )
         if motion is not None and not stops:
             brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
             brakes &= not isinstance(wish, GoHome)
             if brakes or motion.progress.stands(now_s, SAFETY.slow_progress_s):
-                raise CommandRefused("the drone comes no nearer to its target")
+                raise CommandRefused("the drone is not approaching its target")
         if (
             not first
             and not self.offer.takeoff
@@ -132,7 +136,7 @@ class OrderWatch:
             raise CommandRefused("the vehicle is in the air already")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
-        """Raise `CommandRefused` where a takeover would not have been seen."""
+        """Raise `CommandRefused` if a takeover would not have been noticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the mode is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
@@ -147,7 +151,7 @@ class OrderWatch:
             raise CommandRefused("a switch of the remote control was moved just now")
 
     def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
-        """Note that the command of a wish was sent: from now on the vehicle must follow it."""
+        """Record a sent command, which the vehicle must follow from now on."""
         self.motion = Commanded(
             wish=wish,
             manners=vehicle.manners,
@@ -161,13 +165,13 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Say what should have been seen by now."""
+        """Return what should have been reported by now and is missing."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
         if lost is None and self.hands is not None:
             unseen = not vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s)
-            lost = "the sticks are not seen any more" if unseen else self.hands.sure(now_s)
+            lost = "the sticks are no longer reported" if unseen else self.hands.sure(now_s)
         if lost is not None:
             return lost
         if self.motion is not None:
@@ -178,7 +182,7 @@ class OrderWatch:
         return None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Say what a report shows that we did not cause; the vehicle holds it already."""
+        """Return what a report, already in `vehicle`, shows that we did not cause."""
         match seen:
             case PositionSeen():
                 return self._see_position(seen, vehicle)
@@ -240,7 +244,7 @@ class OrderWatch:
         return leg.see_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """Whether another turns a vehicle that rests, before our first command."""
+        """True if another turns a resting vehicle before our first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _see_landed(self, seen: LandedSeen) -> str | None:
@@ -254,5 +258,5 @@ class OrderWatch:
         if self.hands is None:
             return "a remote control was switched on" if seen.channels_us else None
         if not seen.channels_us:
-            return "the sticks are not seen any more"
+            return "the sticks are no longer reported"
         return self.hands.see(seen)

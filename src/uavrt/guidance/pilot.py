@@ -1,7 +1,7 @@
-"""Flies an order step by step: one wish at a time, the next when the last is done. Pure.
+"""Fly an order step by step: one request at a time, the next when the last is done. Pure.
 
-It wishes; `uavrt.guidance.authority` decides. A wish that was refused is not kept: what is
-wished next follows from where the vehicle is then.
+`uavrt.guidance.authority` decides on each request. A refused request is dropped: the next one
+follows from the vehicle's state then.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,7 @@ from uavrt.units import wrap_degrees_180
 class Pilot:
     """Flies one order.
 
-    `plan`: its steps.
-    `waits`: further steps come by `redirect`: it waits for them, and is not done.
+    `plan`: its steps. `waits`: wait for further steps by `redirect` instead of finishing.
     """
 
     def __init__(
@@ -50,34 +49,34 @@ class Pilot:
         self._holding_s = 0.0
         self._returning = self._flies_home = False
         self.among = False
-        """Others search, too: home is flown to at its own height, and the autopilot's own way
-        home, which may climb into that of another, begins only there."""
+        """True if other drones search, too: it then flies home at its own height, because the
+        autopilot's return may climb into another's height."""
         self._asks = False
-        """Nothing but holding is right until the operator decides."""
+        """Set while the operator must decide: it then only holds."""
         self._battery_s = 0.0
         self._battery_told = False
         self._sent = self._refused_before = 0
         self._failed: str | None = None
-        """Why it is cut short."""
+        """Why the order is cut short."""
         self.ended: str | None = None
-        """Why there is nothing more to wish; None while there is."""
+        """Why the order has ended; None while it continues."""
         self.said = ""
-        """What it is doing, and why."""
+        """Description of the present action and its reason."""
 
     @property
     def progress(self) -> str:
-        """Which step of how many."""
+        """Number of the step and of all steps."""
         return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
 
     @property
     def idle(self) -> bool:
-        """Whether all steps are done and it waits for more."""
+        """True if all steps are done and it waits for more."""
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Fly these steps instead of what is left of those before.
+        """Replace the remaining steps.
 
-        On its way, and not to be seen turning off it by those who watch, it stands first.
+        It stops first if a bend on its way could look like another's command.
         """
         if self._flies_home:
             return
@@ -90,14 +89,14 @@ class Pilot:
         self._wished_step = None
 
     def give_up(self, reason: str) -> None:
-        """Cut the order short: fly home, as nothing watches the battery where it hovers.
+        """Cut the order short and fly home, since the battery is not monitored while it hovers.
 
         An order that has not begun ends without a command, and so does a take-off.
         """
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """Whether it is too fast to go elsewhere by a bend that is no one else's doing."""
+        """True if it is too fast to change course without looking like another's command."""
         before = self._steps[self._number]
         if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
@@ -109,7 +108,7 @@ class Pilot:
         return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
     def next(self, now: VehicleNow) -> Wish | None:
-        """Return what is to be commanded now, if anything."""
+        """Return the motion to request now, if any."""
         if self.ended is not None:
             return None
         if now.order_id != self.order.order_id:
@@ -138,7 +137,7 @@ class Pilot:
         return self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Get the step to command now: a return, then a hold, then the order's own."""
+        """Get the step to request now: a return, then a hold, then the order's own."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.among:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
@@ -223,7 +222,7 @@ class Pilot:
         return now.time_s - self._there_s >= step.stay_s
 
     def _urgent(self, now: VehicleNow) -> Step | None:
-        """Home if the battery requires it; hold or home while no ground station is heard."""
+        """Return if the battery requires it; hold or return without a ground station."""
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
@@ -256,7 +255,7 @@ class Pilot:
         return None
 
     def _battery_reason(self, now: VehicleNow) -> str | None:
-        """Why the battery calls home: for what is left in it, or for its silence."""
+        """Why the battery requires the return: low charge, or no report."""
         if now.battery_percent is not None:
             self._battery_told = True
         elif self._battery_told and self._limits.battery_wh is not None:
@@ -264,7 +263,7 @@ class Pilot:
         return must_return(now, self._limits)
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Where it comes to a stand on its way."""
+        """Where it comes to a stop on its way."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):
@@ -273,7 +272,7 @@ class Pilot:
         return Go(place=place, height_m=min(height, self._limits.highest_m))
 
     def _over_home(self, now: VehicleNow) -> Go:
-        """Above home, at the height that it has among others."""
+        """Position above home at the height that it has among others."""
         height = self.order.height_m
         height = now.altitude_relative_m if height is None else height
         height = max(height, self._limits.lowest_m)
@@ -281,7 +280,7 @@ class Pilot:
 
     @property
     def returning(self) -> bool:
-        """Whether it flies home by its own decision, as for a low battery."""
+        """True if it flies home by its own decision, for example for a low battery."""
         return self._returning
 
     def _home(self, reason: str) -> Step:
@@ -290,7 +289,7 @@ class Pilot:
 
 
 def standing_place(now: VehicleNow, goal: Place) -> Place:
-    """Where it can come to a stand on its way, without turning round."""
+    """Where it can stop on its way without turning back."""
     here = (now.latitude_deg, now.longitude_deg)
     left = distance_m(*here, *goal)
     share = min(1.0, stops_within_m(now.speed_m_s) / max(left, 0.1))
@@ -299,6 +298,6 @@ def standing_place(now: VehicleNow, goal: Place) -> Place:
 
 
 def _course_deg(here: Place, there: Place) -> float:
-    """Direction of a short way."""
+    """Direction of a short path."""
     east = wrap_degrees_180(there[1] - here[1]) * cos(radians(here[0]))
     return degrees(atan2(east, there[0] - here[0]))

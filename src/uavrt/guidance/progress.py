@@ -1,7 +1,7 @@
-"""Notice that a step has come to rest though some of it is left. Pure.
+"""Notice that an unfinished step has come to rest. Pure.
 
 A pause of ArduCopter shows in no message: mode and target stay, the drone stands. Whatever
-stops it, a step that comes nearer in nothing of what is left for 3 s is not flown any more.
+stops it, a step without progress for 3 s is no longer flown.
 """
 
 from collections import deque
@@ -13,17 +13,18 @@ from uavrt.guidance.safety import SAFETY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Left:
-    """What is left to change of one quantity."""
+    """Remaining change of one quantity."""
 
     now: float
     soon: float
-    """From where the drone would stand: this comes nearer first where it must turn back."""
+    """Remaining change from the stopping point: it falls first when the drone must turn
+    back."""
     least: float
-    """Change in `SAFETY.no_progress_s` that counts."""
+    """Change within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
-    """What may be left."""
+    """Tolerance at the end."""
     needed: bool = True
-    """A quantity that is not needed shows only that the step goes on."""
+    """False: the quantity need not end within the tolerance; its change only shows progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +35,15 @@ class _Sample:
 
 
 class Progress:
-    """Watches one step from its command on."""
+    """Monitors one step from its command on."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
-        """Take what is left now: the same parts, in the same order, each time.
+        """Add the remaining changes: the same parts in the same order each time.
 
-        `free`: it has no reason to brake or to stand before the first part is nearer.
+        `free`: it need not brake or stop before the first part has decreased.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
@@ -54,13 +55,13 @@ class Progress:
             self._samples.popleft()
 
     def stands(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
-        """Whether something is left and nothing came nearer for so long."""
+        """True if something remains and nothing has decreased for so long."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
-        """Whether it slows down without a reason: where it would stand comes no nearer."""
+        """True if it slows down without a reason: its stopping point comes no nearer."""
         if not self._samples or not self._samples[-1].free:
             return False
         old = (
@@ -70,7 +71,7 @@ class Progress:
         return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
-        """Whether any part that is left has come nearer, by its share of the least change."""
+        """True if any remaining part has decreased, relative to its least change."""
         share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(

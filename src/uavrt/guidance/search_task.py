@@ -1,4 +1,4 @@
-"""What a search is to find, where and with what: made once of an order, or refused. Pure."""
+"""What a search looks for, where and with what: made once from an order. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,26 +31,26 @@ from uavrt.terrain.hill_losses import HillLosses
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equipment:
-    """What the drone searches with."""
+    """Antenna, detector and prior knowledge of a search."""
 
     pattern: AntennaPattern | None
-    """None: an upright monopole."""
+    """Antenna pattern; None: an upright monopole."""
     yaw_offset_deg: float = 0.0
-    """Of the boresight, clockwise from the nose."""
+    """Boresight clockwise from the nose."""
     k: int = 0
-    """Pulses of a group; 0: as each tag says."""
+    """Pulses in a group; 0: as each tag says."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
-    """The ground around home: it weakens pulses, and explains silence. None is level."""
+    """Terrain around home, which weakens pulses and explains missed ones; None: level."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Known strength and motion of some tags, by number; the others have the usual prior."""
+    """Known strength and motion of some tags, by id; others have the default prior."""
 
 
 class SearchTask:
-    """A search order, and all that does not change while it is flown.
+    """A search order and its constants.
 
-    Raises `PlanError`: its tags, outline or height cannot be.
+    Raises `PlanError`: its tags, outline or height are invalid.
     """
 
     def __init__(
@@ -71,13 +71,14 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Begin with prior beliefs; raises `PlanError` if it is outside the limits."""
+        """Begin with prior beliefs; raises `PlanError` if the drone is outside the limits."""
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
         if not (1.0 <= order.wish_m <= 1000.0 and 10.0 <= order.duration_s <= 36_000.0):
             raise PlanError(
-                f"a search to {order.wish_m:g} m in {order.duration_s:g} s",
+                f"the accuracy of {order.wish_m:g} m or the duration of "
+                f"{order.duration_s:g} s is out of range",
                 remedy="Give 1 to 1000 m, and 10 s to 10 hours",
             )
         return Search(
@@ -127,7 +128,7 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """The planner of the settings; ours knows how long a turn takes here."""
+        """Make the configured planner; ours includes the duration of a turn here."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
@@ -137,17 +138,17 @@ class SearchTask:
 
     @property
     def turn_s(self) -> float:
-        """Duration of a turn: a pulse of each tag at each heading."""
+        """Duration of a turn with one pulse of each tag at each heading."""
         interval = max(max(tag.pulse_intervals_s) for tag in self.tags)
         return max(12.0, self.limits.headings * interval)
 
     def place(self, east_m: float, north_m: float) -> Place:
-        """Latitude and longitude of a place in the plane."""
+        """Latitude and longitude of a point in the plane."""
         latitude, longitude = self.plane.to_geodetic(east_m, north_m)
         return float(latitude), float(longitude)
 
     def local_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """East and north of a place."""
+        """East and north of a position."""
         east, north = self.plane.to_local(latitude_deg, longitude_deg)
         return float(east), float(north)
 
@@ -167,13 +168,13 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
     """The tags to search for."""
     if not listed:
         raise PlanError(
-            "no tag is being listened for", remedy="Send the tags and start detection first"
+            "no tag is being searched for", remedy="Send the tags and start detection first"
         )
     known = {tag.tag_id: tag for tag in listed}
     unknown = sorted(set(order.tags) - set(known))
     if unknown:
         raise PlanError(
-            f"tag {unknown[0]} is not being listened for",
+            f"tag {unknown[0]} is not being searched for",
             remedy=f"Choose from {', '.join(map(str, known))}",
         )
     return tuple(known[tag_id] for tag_id in (order.tags or known))

@@ -36,14 +36,14 @@ class YawWatch:
     turning_deg_s: float = 0.0
     exact: bool = False
     turned_deg: float = 0.0
-    """In the direction asked for."""
+    """Angle turned in the requested direction."""
     _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """The heading has looked to the target for a while: its turn is over."""
+    """Set once the heading has been aligned for a while: its turn is over."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
@@ -61,7 +61,7 @@ class YawWatch:
 
     @property
     def begun(self) -> bool:
-        """Whether a heading that was asked for is there, or has come nearer."""
+        """True if the requested heading is reached, or has come nearer."""
         if self.wanted_deg is None:
             return True
         return self._best_deg < max(
@@ -76,10 +76,10 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Take a heading; say what is wrong with it.
+        """Add a heading; return its deviation, if any.
 
-        `bearing_deg`, `away_m`: to the target, from where the drone is.
-        `course_deg`: direction of its motion, if its heading follows that.
+        `bearing_deg`, `away_m`: to the target from the drone. `course_deg`: direction of
+        motion, if the heading follows it.
         """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
@@ -115,7 +115,7 @@ class YawWatch:
         )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """Whether the heading turns from where it was to where the drone moved then."""
+        """True if the heading turns from its old direction towards the recent course."""
         while self._courses and self._courses[0][0] < time_s - SAFETY.course_follow_s:
             self._courses.popleft()
         follows = any(
@@ -127,7 +127,7 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Note since when a measured heading looks to the target."""
+        """Record since when a measured heading is aligned with the target."""
         if self.exact or self._near or self._aligned:
             return
         if off_deg > SAFETY.turn_done_deg:
@@ -139,7 +139,7 @@ class YawWatch:
 
     @property
     def _turns_on(self) -> bool:
-        """Whether the setpoint is still ending the turn that was under way at the command."""
+        """True while the setpoint is finishing the turn in progress at the command."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
@@ -165,7 +165,7 @@ class YawWatch:
     def _aim(
         self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
-        """Where it is to look, and how uncertain that is [deg]."""
+        """Expected heading and its uncertainty [deg]."""
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
         was_near = self._near
@@ -182,7 +182,7 @@ class YawWatch:
         return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Neither back nor too fast."""
+        """Check a turn: not backwards, and not too fast."""
         assert self.turn_deg is not None
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
         self._best_deg = max(self._best_deg, self.turned_deg)
@@ -193,7 +193,7 @@ class YawWatch:
 
 
 def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
-    """Whether a heading has turned from an earlier one towards a goal, and not far beyond."""
+    """True if a heading has turned towards a goal and not far beyond."""
     left = wrap_degrees_180(goal_deg - before_deg)
     turned = wrap_degrees_180(yaw_deg - before_deg)
     towards = turned if left >= 0.0 else -turned
@@ -203,7 +203,7 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
+    """Angle by which a turn may continue; 25° and 50° were flown, maybe accelerating."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
@@ -217,21 +217,21 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Heading of a drone that stands by no order of ours.
+    """Heading of a drone that rests without an order of ours.
 
-    A turn that was going on may come to its end, and be made up for as after a command. Times
-    are those of the autopilot since its start: after a stall of our process reports come late.
+    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
+    since its start: after a stall of our process reports are processed late.
     """
 
     start_boot_s: float
     yaw_deg: float
-    """Where it is, or the end of the turn so far."""
+    """Present heading, or the end of the turn so far."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0
 
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
-        """Take a heading; whether another has turned the drone."""
+        """Add a heading; return whether another has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
             since_s = max(self._moved_boot_s, self.start_boot_s)

@@ -1,13 +1,13 @@
-"""What tags of one area have in common: how their levels fall with distance.
+"""Share between tags of one area how their levels fall with distance.
 
-Each tracker learns its own exponent, as if no other tag were there. But ground and plants are
-those of the area: a flight around one tag measures the exponent of all. Without that, two
-hypotheses of each other tag, near and weak or far and strong, stay apart for minutes.
+Each tracker learns its own exponent, but ground and plants are those of the area: a flight
+around one tag measures the exponent of all. Without sharing, the two hypotheses of each other
+tag (near and weak, far and strong) persist for minutes.
 
-Each tag's likelihood of the exponent is summed up as a normal one: what its posterior has
-beyond its prior and the messages of others (expectation propagation with one message for each
-tag; Minka 2001, "Expectation Propagation for Approximate Bayesian Inference"). What it learnt
-from others thus never returns to them.
+Each tag's likelihood of the exponent is approximated as normal: its posterior divided by its
+prior and others' messages (expectation propagation with one message for each tag; Minka 2001,
+"Expectation Propagation for Approximate Bayesian Inference"). So its own information never
+returns to it.
 """
 
 from collections.abc import Iterable
@@ -37,7 +37,7 @@ _SHARING = _Sharing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Told:
-    """A normal likelihood in its natural parameters, which add up."""
+    """A normal likelihood in natural parameters, which add up."""
 
     precision: float = 0.0
     weighted: float = 0.0
@@ -57,12 +57,12 @@ class _Told:
         return _Told(precision=self.precision * share, weighted=self.weighted * share)
 
     def softened(self, variance: float) -> "_Told":
-        """The message as it holds for another tag, whose exponent differs by a variance."""
+        """The message for another tag, whose exponent differs with this variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class CommonFall:
-    """Shares among all tags what each has learnt of the exponent."""
+    """Shares each tag's knowledge of the exponent among all tags."""
 
     def __init__(self) -> None:
         self._variance = _SHARING.exponent_sigma**2
@@ -70,7 +70,7 @@ class CommonFall:
         self._received: dict[int, _Told] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Take from each tag what it knows now, and give it to the others."""
+        """Collect each tag's knowledge, and pass it to the others."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -90,7 +90,7 @@ class CommonFall:
             self._received[one.tag_id] = others
 
     def _ask(self, belief: TagBelief) -> None:
-        """Hear what a tag's own pulses say, if it is one, and gives the pulses of one."""
+        """Get the message of a tag's own pulses, if it exists and fits the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

@@ -1,4 +1,4 @@
-"""Level corrections to plain spreading loss where the ground is known."""
+"""Level corrections to plain spreading loss over known ground."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,10 +14,10 @@ _STEP_M = 0.5
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """The ray from the ground adds to the straight one.
+    """Sum of the direct ray and the ray reflected by the ground.
 
-    The reflected ray is as strong as the Fresnel coefficient of a medium ground says; ten
-    thousand places are read from a table of the distance over ground.
+    The reflected ray has the Fresnel coefficient of medium ground; a table over the distance
+    serves ten thousand positions.
     """
 
     frequency_hz: float = 150e6
@@ -28,7 +28,7 @@ class GroundReflection:
     _tables: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def gain_db(self, ground_m: _Floats, height_m: float) -> _Floats:
-        """Gain [dB] of both rays over the straight one; height: of the drone above the tag."""
+        """Gain [dB] of both rays over the direct one; height: of the drone above the tag."""
         drone_m = height_m + self.tag_height_m
         straight = np.hypot(ground_m, height_m)
         mirrored = np.hypot(ground_m, drone_m + self.tag_height_m)
@@ -41,7 +41,7 @@ class GroundReflection:
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """See `uavrt.localization.position.trackers.PathGain`; one height at a time."""
+        """Compute as `uavrt.localization.position.trackers.PathGain`, for one height."""
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:

@@ -1,7 +1,7 @@
-"""With which probability ``uavrt integrate`` finds a tag, from the energies of its pulses.
+"""Probability that ``uavrt integrate`` finds a tag, from the energies of its pulses.
 
 The weighted sum over a whole flight is nearly normal with a tag; in noise its tail is that of a
-shifted gamma distribution, as the search itself counts it (docs/explanation/whole-flight.md).
+shifted gamma distribution, as in the search itself (docs/explanation/whole-flight.md).
 """
 
 import math
@@ -50,7 +50,7 @@ _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
 
 class WholeFlightSum:
-    """What the weighted sum is expected to be for each cell of a map; two passes."""
+    """Expected weighted sum for each cell of a map; two passes."""
 
     def __init__(
         self,
@@ -71,13 +71,13 @@ class WholeFlightSum:
         self._spread: _Singles | None = None
 
     def look(self, energy: _Singles) -> None:
-        """First pass: which pulse is a cell's strongest."""
+        """First pass: find each cell's strongest pulse."""
         if self._strongest is None:
             self._strongest = np.array(energy)
         np.maximum(self._strongest, energy, out=self._strongest)
 
     def add(self, energy: _Singles) -> None:
-        """Second pass: weigh a pulse."""
+        """Second pass: add a weighted pulse."""
         assert self._strongest is not None
         if self._squares is None:
             self._squares, self._cubes = np.zeros_like(energy), np.zeros_like(energy)
@@ -98,7 +98,7 @@ class WholeFlightSum:
             self._spread[number] += square * self._variance[row]
 
     def found(self) -> _Floats:
-        """Probability for each error and cell: (errors, …)."""
+        """Detection probability for each error and cell: (errors, …)."""
         if self._squares is None or self._cubes is None:
             raise ValueError("no pulse was added")
         assert self._shift is not None
@@ -120,11 +120,10 @@ def whole_flight_enr_db(
     *,
     frequency_window_hz: float = 500.0,
 ) -> list[float]:
-    """ENR [dB] of the strongest pulse with which a whole flight finds a tag.
+    """ENR [dB] of the strongest pulse with which a whole flight detects a tag.
 
-    `gain_db` (pulses,): level of each pulse of the flight, from any reference.
-    `probabilities`: of finding it.
-    `frequency_window_hz`: half-width of the search around the tag's frequency.
+    `gain_db` (pulses,): relative level of each pulse of the flight. `probabilities`: detection
+    probabilities. `frequency_window_hz`: half-width of the search around the tag's frequency.
     """
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)
@@ -139,7 +138,7 @@ def whole_flight_enr_db(
 def _log_probability(
     tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
 ) -> float:
-    """Logarithm of the chance of one hypothesis at which a tag counts as found."""
+    """Log-probability of one noise hypothesis at the detection threshold."""
     interval_s = tag.pulse_intervals_s[0]
     slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s
@@ -155,7 +154,7 @@ def _log_probability(
 
 
 def _exponentials(tag: Tag) -> float:
-    """How many unit exponentials have a largest as a slot in noise has."""
+    """Number of unit exponentials whose maximum is distributed like a slot of noise."""
     return 2.6 + 6.6 * tag.interval_jitter_s / tag.pulse_width_s
 
 
@@ -163,7 +162,7 @@ def _exponentials(tag: Tag) -> float:
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
     """Deviation and skewness of a slot in noise; mean and variance by a pulse's level.
 
-    The latter two in units of the noise's deviation, the mean from that of noise.
+    The latter two in units of the noise's deviation, the mean relative to that of noise.
     """
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)

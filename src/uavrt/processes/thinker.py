@@ -1,7 +1,7 @@
-"""Runs the search planner in a thread, so that decisions do not block the guide.
+"""Run the search planner in a thread, so that decisions do not block the guide.
 
-The guide must show that it lives and look at the battery while the planner weighs its ways; the
-search's beliefs belong to the thread alone, all its input waits in one queue.
+The guide must send heartbeats and watch the battery while the planner rates paths. The search's
+beliefs belong to the thread alone; all its input passes through one queue.
 """
 
 import queue
@@ -77,7 +77,7 @@ class Thinker:
             self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
-        """Whether no request is open and the last is long enough ago."""
+        """True if no request is open and the last is long enough ago."""
         due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else SEARCH.cycle_s))
         return not self._thinking and now.time_s >= due_s
 

@@ -41,7 +41,7 @@ def terrain_loss_map(
     if not (0.0 <= column <= columns - 1 and 0.0 <= row <= rows - 1):
         raise UsageError(
             f"the drone, {east_m:.0f} m east and {north_m:.0f} m north, is not over the map",
-            remedy="Choose a map that holds the whole way",
+            remedy="Choose a map that covers the whole path",
         )
     drone_m = float(ground.at(np.array([column]), np.array([row]))[0]) + antenna_m
     # A column and a row more, for points between: no profile asks where the map ends.

@@ -85,7 +85,7 @@ def test_no_order_begins_over_or_behind_a_building(
     flown = Flown("px4", limits=LIMITS)
     flown.vehicle.body.north_m = north_m
     flown.run(0.2)
-    with pytest.raises(PlanError, match=f"where the drone is, a way {reason}"):
+    with pytest.raises(PlanError, match=f"from the drone's position, a path {reason}"):
         flown.order(action)
 
 
@@ -153,7 +153,7 @@ def test_a_search_that_would_begin_over_a_building_is_refused() -> None:
     search = Searched("px4", [Animal(150.0, -60.0)], limits=limits)
     search.flown.vehicle.body.north_m = 95.0
     search.flown.run(0.2)
-    with pytest.raises(PlanError, match="where the drone is, a way enters"):
+    with pytest.raises(PlanError, match="from the drone's position, a path enters"):
         search.begin()
 
 

@@ -72,10 +72,7 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Read the antenna array from a SigMF recording's metadata.
-
-    Raises `FormatError`: it is no SigMF recording, or the array is missing or invalid.
-    """
+    """Read a recording's antenna array; raises `FormatError` if it is missing or invalid."""
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(

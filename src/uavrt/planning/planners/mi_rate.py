@@ -1,8 +1,8 @@
 """Our planner: the path with the most information per second on all tags still wanted.
 
-Ways of several lengths in sixteen directions, to each tag, past it on both sides, and a turn
-in place are weighed. What a tag is worth is held at what it still needs until it is found: ways
-that give more information on a tag than is wished for gain nothing by it.
+Rates paths of several lengths in sixteen directions, to each tag, past it on both sides, and a
+turn in place. A tag's value is limited to the information still needed to find it: paths that
+give more gain nothing.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.planning.actions import Action, Hold, Rotate
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.information import information_nats
@@ -20,11 +21,9 @@ from uavrt.planning.planners.ways import (
     headings,
     here,
     sampled,
-    some_of,
-    stacked,
     turning,
 )
-from uavrt.planning.situation import Candidate, Decision, Situation, summary
+from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
@@ -84,7 +83,7 @@ class MiRate:
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Decide by the interface of `Planner`."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)
@@ -104,7 +103,7 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Choose among the ways that are allowed, and the turn that comes last."""
+        """Choose among the allowed paths, and the turn, which comes last."""
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -113,7 +112,7 @@ class MiRate:
             return self._away(situation, ways)
         rate = np.full(len(spans), np.nan)
         weighed = np.flatnonzero(allowed)
-        legs, spans_s = some_of(legs, weighed), spans[weighed]
+        legs, spans_s = chosen_rows(legs, weighed), spans[weighed]
         nats = self._nats(situation, legs)
         gives = self._worth(situation, nats, spans_s)
         chance = np.array([one.existence_probability for one in wanted])
@@ -141,17 +140,16 @@ class MiRate:
             for action, span, value, why in zip(actions, spans, rate, refused, strict=False)
         )
         most = int(np.argmax(chance * gives[:, of_best]))
+        against = "; ".join(sorted({why for why in refused if why is not None}))
         return Decision(
             action=actions[best],
-            reason=(
-                f"{nats[most, of_best]:.1f} nats about tag {wanted[most].tag_id} in "
-                f"{spans[best]:.0f} s; in all {rate[best]:.3f}/s; " + summary(candidates)
-            ),
+            reason=f"to learn more about tag {wanted[most].tag_id}"
+            + (f"; other paths were refused: {against}" if against else ""),
             candidates=candidates,
         )
 
     def _worth(self, situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-        """(tags, ways) share of what each tag still needs that each way gives."""
+        """(tags, ways) share of each tag's needed information that each path gives."""
         out = np.empty_like(nats)
         for number, belief in enumerate(situation.wanted):
             needed = situation.stop.needed_nats(belief)
@@ -174,9 +172,9 @@ class MiRate:
         worth: _Floats,
         spans_s: _Floats,
     ) -> _Floats:
-        """(ways,) the same over each way and a round of all tags from its end.
+        """(ways,) the same over each path and a following round of all tags.
 
-        The round goes to the nearest tag each time, past those that the way itself finishes.
+        The round goes to the nearest tag each time, skipping those finished on the path itself.
         """
         places = [one.spread() for one in situation.wanted]
         tags_x = np.array([one.east_m for one in places])
@@ -203,7 +201,7 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[Ways, _Floats, Legs, list[int | None]]:
-        """Candidates, their times, samples, and tags they go to; a turn in place comes last."""
+        """Candidate paths, their times, samples, and target tags; the turn comes last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
         horizons = _RATING.horizons_cycles if exploring else ()
@@ -234,7 +232,7 @@ class MiRate:
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
         legs = sampled(situation, east, north, spans, _RATING.samples)
         if exploring and self._turns(situation):
-            legs = stacked(legs, turning(state, 360.0, self._rotation_s, _RATING.samples))
+            legs = joined_rows([legs, turning(state, 360.0, self._rotation_s, _RATING.samples)])
             spans = np.append(spans, self._rotation_s)
         goals = [one for one, fits in zip(goals, useful, strict=True) if fits]
         return ways, spans, legs, goals + [None] * (len(spans) - len(goals))
@@ -242,7 +240,7 @@ class MiRate:
     def _towards(
         self, situation: Situation, belief: TagBelief
     ) -> list[tuple[_Floats, _Floats]]:
-        """Ends of ways to a tag and past it on both sides; round a wide cloud, too."""
+        """Ends of paths to a tag and past it on both sides; around a wide cloud, too."""
         state, rule, place = situation.state, situation.keep_away, belief.spread()
         start, middle = (state.east_m, state.north_m), (place.east_m, place.north_m)
         if rule is None:
@@ -256,10 +254,10 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """Whether no tag is near its end: then ways in all directions are weighed.
+        """True while no tag is close to its target accuracy; paths then cover all directions.
 
-        Else ways to the tags alone are: a way past many tags promises a little of each, time
-        and again, while they walk and none is ever finished.
+        Otherwise only paths to the tags count: a path past many tags promises a little of each,
+        again and again, while they walk and none is finished.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
         return needed > _RATING.explore_nats
@@ -268,35 +266,32 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _away(self, situation: Situation, ways: Ways) -> Decision:
-        """No way is allowed: the one that disturbs least, if the area allows any."""
-        stays = self._stays(situation, len(ways.kept))
+        """Choose the least disturbing path when none is allowed, if the area allows any."""
+        stays = self._stays(situation)
         if stays is not None:
             return stays
         inside = np.array([_by_animals(one) for one in ways.refused])
         if not inside.any():
             return Decision(
-                action=Hold(duration_s=situation.cycle_s), reason="no way is allowed at all"
+                action=Hold(duration_s=situation.cycle_s), reason="no path is allowed"
             )
         best = int(np.argmax(np.where(inside, ways.kept, -1.0)))
         return Decision(
             action=ways.action(best),
-            reason=(
-                "an animal may be near on every way; on this one least: probability "
-                f"{1.0 - ways.kept[best]:.2f}, {len(ways.kept)} candidates"
-            ),
+            reason="an animal may be near on every path: this is the safest",
         )
 
-    def _stays(self, situation: Situation, count: int) -> Decision | None:
-        """Wait where it may stay; turn where an animal may be near but hardly is.
+    def _stays(self, situation: Situation) -> Decision | None:
+        """Wait where it may stay; turn if an animal may be near but hardly is.
 
-        Where little is known of an animal every way leads as probably to it as away from it,
-        and a turn shows which: later there is no time, it may walk to the drone.
+        Without knowledge of an animal every path leads to it as likely as away from it. A turn
+        locates it in time, before it walks to the drone.
         """
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
                 action=Hold(duration_s=situation.cycle_s),
-                reason=f"none of {count} ways keeps the distance: waiting",
+                reason="every path leads too close to an animal",
             )
         near = 1.0 - float(stay.kept[0])
         if (
@@ -316,20 +311,16 @@ class MiRate:
             return None
         return Decision(
             action=Rotate(duration_s=self._rotation_s),
-            reason=(
-                f"none of {count} ways keeps the distance, an animal may be near with "
-                f"{near:.2f}: listening first, {nats[most]:.1f} nats about tag "
-                f"{situation.wanted[most].tag_id}"
-            ),
+            reason=f"to locate tag {situation.wanted[most].tag_id}, which may be near, first",
         )
 
     def _turns(self, situation: Situation) -> bool:
-        """Whether a turn in place gives information, and can be made."""
+        """True if a turn in place gives information and is possible."""
         directional = any(one.prior.pattern is not None for one in situation.wanted)
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
     def _nats(self, situation: Situation, legs: Legs) -> _Floats:
-        """(tags, ways) information on each tag that is wanted, beyond what others will hear."""
+        """(tags, ways) information on each wanted tag, beyond that of other drones."""
         drones = situation.others
         others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(
@@ -342,10 +333,10 @@ class MiRate:
 
 
 def _by_animals(refused: str | None) -> bool:
-    """Whether only an animal speaks against a way, if anything does."""
+    """True for paths that only an animal excludes."""
     return refused is None or "animal" in refused
 
 
 def _by_animals_only(refused: str | None) -> bool:
-    """Whether a way is refused, and by an animal."""
+    """True if a path is refused because of an animal only."""
     return refused is not None and "animal" in refused
