@@ -317,11 +317,7 @@ def open_source(
     center_frequency_hz: float | None,
     start_time_ns: int | None,
 ) -> SampleSource:
-    """Open a channel's port, standard input or a recording.
-
-    Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or a value is
-    missing.
-    """
+    """Open a channel's port, standard input or a recording; raises an error with the remedy."""
     if is_udp_address(recording):
         return open_channel(
             recording, sample_rate_hz=sample_rate_hz, center_frequency_hz=center_frequency_hz

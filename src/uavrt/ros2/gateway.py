@@ -76,10 +76,7 @@ LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
 
 
 class Gateway:
-    """Both directions of the translation.
-
-    `bus`: the ROS 2 side. `send`: takes a topic and a record for the supervisor.
-    """
+    """Both directions of the translation, between a `bus` of ROS 2 and the supervisor."""
 
     def __init__(
         self,
