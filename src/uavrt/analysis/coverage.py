@@ -18,7 +18,7 @@ from uavrt.messages import Tag
 from uavrt.planning.area import Polygon, survey_lines
 from uavrt.planning.coverage import Coverage, ListeningWay, coverage_of, listening_way
 from uavrt.planning.link_budget import LinkBudget
-from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.planning.whole_flight import MODEL
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.squares import GroundGrid, ground_grid
@@ -217,8 +217,8 @@ def pulses_on(corners_m: list[tuple[float, float]], tag: Tag, speed_m_s: float) 
 def _check_pulses(count: float, tag: Tag) -> None:
     if count > MOST_PULSES:
         raise UsageError(
-            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this way",
-            remedy="Choose a shorter way",
+            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this path",
+            remedy="Choose a shorter path",
         )
 
 
@@ -257,7 +257,7 @@ def covered_by(
         on_pulse=on_pulse,
     )
     limitations = area.limitations
-    least = LEAST_PULSES if whole_flight else tag.k
+    least = MODEL.least_pulses if whole_flight else tag.k
     if not found.groups:
         limitations = (
             *limitations,

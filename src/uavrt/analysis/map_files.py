@@ -102,7 +102,7 @@ def _said(error: BaseException) -> str:
     if isinstance(error, FileNotFoundError):
         return "it does not exist"
     if isinstance(error, sqlite3.Error):
-        return "it is no MBTiles file, or a damaged one"
+        return "it is not an MBTiles file, or is damaged"
     return str(error)
 
 
@@ -166,7 +166,7 @@ def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
     if not (
         max(abs(south), abs(north)) <= 90.0 and max(abs(west), abs(east)) <= _MOST_LONGITUDE
     ):
-        raise ValueError("its edges are no place on earth")
+        raise ValueError("its edges are not positions on earth")
     return west, south, east, north
 
 

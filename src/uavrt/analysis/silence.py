@@ -54,7 +54,7 @@ _NOT_SILENT = (
 _WITHIN = "of a tag farther than {:g} Hz from its listed frequency it says nothing"
 _ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
-    "a train on its frequency may be its own (uavrt integrate names it): it cannot be said to "
+    "a train on its frequency may be its own (uavrt integrate names it), so it may not "
     "be silent"
 )
 

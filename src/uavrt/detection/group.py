@@ -2,8 +2,8 @@
 
 A detector searches every 0.44 s. In between, its blocks wait here, once for all tags of a
 channel; tags that are due at the same time and position in their streams share their
-computation (docs/decisions/0147). The pulses are those of the detectors alone, except where
-bands overlap: there each train of pulses belongs to one tag (docs/decisions/0159).
+computation. The pulses are those of the detectors alone, except where
+bands overlap: there each train of pulses belongs to one tag.
 
 A detector searches all samples when another block would make them longer than 0.44 s, since a
 step has a constant cost; fixed steps of 0.35 s would leave part of a block, and need a quarter

@@ -91,7 +91,7 @@ class Fleet:
         if system_id == self.first.vehicle.identity.system_id:
             raise UsageError(f"vehicle {system_id} is served by the first page")
         if len(self.sessions) >= MOST_VEHICLES:
-            raise UsageError(f"more than {MOST_VEHICLES} vehicles are not served")
+            raise UsageError(f"at most {MOST_VEHICLES} vehicles can be served")
         store = await self._store.disk.run(self._store.of_vehicle, system_id)
         if system_id in self._others:  # asked for twice meanwhile
             return self._others[system_id]

@@ -15,16 +15,11 @@ from collections import Counter
 from enum import StrEnum
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.commanded import TARGET_YAW_DEG, YAW_DEG
 from uavrt.guidance.observed import HomeSeen, ModeSeen, Observation, PositionSeen
-from uavrt.guidance.observed_vehicle import (
-    STICKS_AGE_S,
-    STICKS_LOST_S,
-    ObservedVehicle,
-    ended_by,
-)
+from uavrt.guidance.observed_vehicle import ObservedVehicle, ended_by
 from uavrt.guidance.offers import Offer, Offers, resting
 from uavrt.guidance.order_watch import OrderWatch
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.wishes import CommandWriter, VehicleCommand
 from uavrt.messages import TakeOff, VehicleSeen, Wish
 
@@ -96,8 +91,10 @@ class Authority:
             place=place,
             home=home,
             hands=vehicle.hands(now_s, self._unwatched),
-            yaw=resting(heading, now_s, vehicle.turning_deg_s, YAW_DEG),
-            target_yaw=resting(target, now_s, vehicle.target_turning_deg_s, TARGET_YAW_DEG),
+            yaw=resting(heading, now_s, vehicle.turning_deg_s, SAFETY.heading_error_deg),
+            target_yaw=resting(
+                target, now_s, vehicle.target_turning_deg_s, SAFETY.target_heading_error_deg
+            ),
         )
         self._offers.add(offer)
 
@@ -113,10 +110,10 @@ class Authority:
         vehicle, before = self.vehicle, self._order
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
-        if not sticks_unseen and not vehicle.sees_sticks(now_s, STICKS_AGE_S):
+        if not sticks_unseen and not vehicle.sees_sticks(now_s, SAFETY.sticks_age_s):
             what = "the sticks are not seen, so a takeover by them would go unnoticed"
-            if vehicle.sees_sticks(now_s, STICKS_LOST_S):
-                what = f"the sticks are reported too seldom: not every {STICKS_AGE_S} s"
+            if vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s):
+                what = f"the sticks are reported too seldom: not every {SAFETY.sticks_age_s} s"
             raise CommandRefused(
                 what, remedy="Switch the remote on, or confirm that sticks are not seen"
             )

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
+from uavrt.guidance.safety import SAFETY
 from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
-"""Elevations above sea level [m] at latitudes and longitudes; NaN if unknown."""
-APART_M = 15.0
-"""Largest difference between map and autopilot at home with which an order is flown [m]."""
+"""Above sea level [m] at latitudes and longitudes; NaN where nothing is known."""
 STEP_M = 10.0
 _MOST_STEPS = 300
 
@@ -80,4 +79,4 @@ class GroundAround:
     def apart_m(self, home_amsl_m: float) -> float | None:
         """Height of the autopilot's home above the map's [m], if that is too much."""
         apart = home_amsl_m - self.home_amsl_m
-        return apart if abs(apart) > APART_M else None
+        return apart if abs(apart) > SAFETY.home_height_error_m else None

@@ -5,13 +5,7 @@ while we fly in Hold changes neither mode nor target.
 """
 
 from uavrt.guidance.observed import SticksSeen
-
-STICK_US = 60
-SWITCH_US = 250
-"""Least step of a switch; two-way switches move by some 1000 µs, three-way ones by 500."""
-SURE_AFTER_S = 0.1
-FIRST_SWITCH = 5
-"""Number of the first channel after the sticks."""
+from uavrt.guidance.safety import SAFETY
 
 
 class HandWatch:
@@ -40,14 +34,16 @@ class HandWatch:
         }
         now_us, then_us = seen.channels_us, self._then.channels_us
         sticks = zip(now_us, then_us, strict=False)
-        if len(now_us) != len(then_us) or any(abs(a - b) > STICK_US for a, b in sticks):
+        if len(now_us) != len(then_us) or any(abs(a - b) > SAFETY.stick_us for a, b in sticks):
             return "the sticks were moved"
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
         """Return which switch has certainly moved when no further report arrived."""
         since_s = self._off_since_s.items()
-        return _switched([one for one, at_s in since_s if now_s - at_s >= SURE_AFTER_S])
+        return _switched(
+            [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
+        )
 
     def _elsewhere(self, now_us: tuple[int, ...]) -> list[int]:
         then_us = self._then.switches_us
@@ -55,8 +51,10 @@ class HandWatch:
         now, then = (one + (0,) * (most - len(one)) for one in (now_us, then_us))
         return [
             number
-            for number, (a, b) in enumerate(zip(now, then, strict=True), FIRST_SWITCH)
-            if abs(a - b) >= SWITCH_US and number not in self._unwatched
+            for number, (a, b) in enumerate(
+                zip(now, then, strict=True), SAFETY.first_switch_channel
+            )
+            if abs(a - b) >= SAFETY.switch_us and number not in self._unwatched
         ]
 
 

@@ -1,9 +1,7 @@
 """Convert heights: PX4 reads every z as altitude above mean sea level, in any frame."""
 
 from uavrt.errors import PlanError
-
-LOWEST_M = 20.0
-"""Default least height above ground."""
+from uavrt.guidance.safety import SAFETY
 
 
 def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
@@ -18,7 +16,7 @@ def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> 
 def check_height(
     wanted_m: float,
     *,
-    lowest_m: float = LOWEST_M,
+    lowest_m: float = SAFETY.lowest_height_m,
     highest_m: float = 120.0,
     ground_above_home_m: float = 0.0,
 ) -> None:

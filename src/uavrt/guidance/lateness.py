@@ -4,11 +4,7 @@ Behind the queue of a slow link, the report of a pilot's return arrives seconds 
 """
 
 from uavrt.guidance.observed import BootTimeSeen
-
-LATEST_S = 0.2
-"""Delay beyond which no command is sent."""
-CLOCKS_PART = 2e-4
-"""Relative drift of two crystals of 100 ppm each, by which the least offset may have grown."""
+from uavrt.guidance.safety import SAFETY
 
 
 class Lateness:
@@ -32,7 +28,7 @@ class Lateness:
         expected_s = offset_s
         if self._least is not None:
             when_s, least_s = self._least
-            expected_s = least_s + CLOCKS_PART * max(0.0, seen.time_s - when_s)
+            expected_s = least_s + SAFETY.clock_drift * max(0.0, seen.time_s - when_s)
         if offset_s <= expected_s:
             self._least = seen.time_s, offset_s
         self.late_s = max(0.0, offset_s - expected_s if seen.late_s is None else seen.late_s)
@@ -44,6 +40,6 @@ class Lateness:
     @property
     def fault(self) -> str | None:
         """Return the reason if reports are too late for any command; else None."""
-        if self.late_s <= LATEST_S:
+        if self.late_s <= SAFETY.latest_telemetry_s:
             return None
         return f"the autopilot's messages come {self.late_s:.1f} s late"

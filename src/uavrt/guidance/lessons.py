@@ -3,17 +3,8 @@
 from dataclasses import replace
 
 from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.planning.energy import EnergyModel
-
-LEARNS_PERCENT = 3.0
-"""Change of the charge between two updates [% of the battery]."""
-READING_SHARE = 0.005
-"""Error of a difference between readings in whole percents, taken at their changes [share]."""
-UNKNOWN_SIGMA, KNOWN_SIGMA = 1.0, 0.25
-"""Relative uncertainty of the hover power before the first update, unknown and as set. The way
-home is planned with twice that in reserve. Drones take 400 W to 1200 W."""
-SWAPPED_PERCENT = 5.0
-"""Rise of the charge that means another battery was inserted."""
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
@@ -22,12 +13,12 @@ def energy_of(hover_w: float | None) -> EnergyModel:
     `hover_w`: hover power by the settings; None: unknown.
     """
     if hover_w is None:
-        return EnergyModel(scale_sigma=UNKNOWN_SIGMA)
+        return EnergyModel(scale_sigma=SEARCH.unknown_sigma)
     return EnergyModel(
         hover_w=hover_w,
         cruise_w=1.05 * hover_w,
         climb_j_per_m=0.15 * hover_w,
-        scale_sigma=KNOWN_SIGMA,
+        scale_sigma=SEARCH.known_sigma,
     )
 
 
@@ -68,18 +59,18 @@ class Lessons:
         self._predicted_wh += self.energy.used_wh(now.time_s - before_s, now.speed_m_s)
         if percent == before:
             return
-        if percent > before + SWAPPED_PERCENT:
+        if percent > before + SEARCH.swapped_percent:
             self._begun_percent = None
         if self._begun_percent is None:
             self._begun_percent, self._predicted_wh = percent, 0.0
             return
         used_percent = self._begun_percent - percent
-        if used_percent < LEARNS_PERCENT or self._predicted_wh <= 0.0:
+        if used_percent < SEARCH.learns_percent or self._predicted_wh <= 0.0:
             return
         self.energy = self.energy.learnt(
             self._predicted_wh,
             battery_wh * used_percent / 100.0,
-            sigma_wh=READING_SHARE * battery_wh,
+            sigma_wh=SEARCH.reading_share * battery_wh,
         )
         self.learnt += 1
         self._begun_percent, self._predicted_wh = percent, 0.0

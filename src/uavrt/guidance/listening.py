@@ -11,18 +11,11 @@ from math import atan2, degrees, log10
 
 from uavrt.attitude import rotated
 from uavrt.detection.reporting import report_every_s
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.localization.position.level_belief import Listening
 from uavrt.messages import PulsePose, SearchReport, Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
-
-REPORT_GAP_S = 3.0
-"""Longest gap between the reports of one search, which come each second."""
-LATE_INTERVALS, LATE_S = 2.0, 1.5
-"""Greatest delay of a group's pulses after the group, in intervals plus seconds."""
-KEPT_S = 60.0
-"""Time for which the drone's positions are kept."""
-MOST_KEYS = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +107,7 @@ class Ears:
     def place(self, place: Antenna) -> None:
         """Add the antenna's present pose."""
         self._places.append(place)
-        while self._places[0].time_s < place.time_s - KEPT_S:
+        while self._places[0].time_s < place.time_s - SEARCH.kept_s:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
@@ -129,7 +122,7 @@ class Ears:
             self.refused += 1
             return None
         self._keys[pulse.key] = None
-        if len(self._keys) > MOST_KEYS:
+        if len(self._keys) > SEARCH.most_keys:
             del self._keys[next(iter(self._keys))]
         ear.pulses += 1
         east, north = self._plane.to_local(pose.latitude_deg, pose.longitude_deg)
@@ -198,8 +191,8 @@ def _ear(tag: Tag, k: int) -> _Ear:
     threshold = threshold_db(k)
     return _Ear(
         slot_s=interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s,
-        late_s=(k + LATE_INTERVALS) * interval + LATE_S,
-        gap_s=REPORT_GAP_S,
+        late_s=(k + SEARCH.late_intervals) * interval + SEARCH.late_s,
+        gap_s=SEARCH.report_gap_s,
         threshold_db=threshold,
         least_db=threshold,
     )
@@ -214,8 +207,8 @@ def _coded_ear(tag: Tag, codes: int) -> _Ear:
     (interval,) = tag.pulse_intervals_s
     return _Ear(
         slot_s=interval + tag.interval_uncertainty_s,
-        late_s=interval + LATE_S,
-        gap_s=REPORT_GAP_S + report_every_s(codes) - report_every_s(1),
+        late_s=interval + SEARCH.late_s,
+        gap_s=SEARCH.report_gap_s + report_every_s(codes) - report_every_s(1),
         threshold_db=threshold_db(1, coded=True),
         least_db=threshold_db(tag.k, coded=True),
     )

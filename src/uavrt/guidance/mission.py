@@ -14,7 +14,8 @@ from uavrt.errors import FormatError, PlanError
 from uavrt.geodesy import distance_m
 from uavrt.guidance.heights import check_height
 from uavrt.guidance.orders import Limits, Order, Place
-from uavrt.guidance.plans import MARGIN_M, check_keep_out, survey_places, voids_of
+from uavrt.guidance.plans import check_keep_out, survey_places, voids_of
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.planning.area import Polygon, SearchArea
 from uavrt.tangent_plane import TangentPlane
@@ -129,7 +130,7 @@ def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
     area = SearchArea(
         search=Polygon.rectangle(-1e5, 1e5, -1e5, 1e5),
         voids=voids_of(order, Limits(), plane),
-        margin_m=MARGIN_M,
+        margin_m=SAFETY.margin_m,
     )
     reason = area.entered(np.asarray(east), np.asarray(north))
     if reason is not None:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from uavrt.guidance.orders import Place
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import Neighbour
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.division import Start
@@ -18,8 +19,6 @@ from uavrt.planning.shares import shared_out
 from uavrt.planning.vehicle import Path, VehicleState
 from uavrt.tangent_plane import TangentPlane
 
-MISSING_S = 10.0
-"""Silence after which a drone's tags may be searched by others; its paths remain its own."""
 SEPARATION = Separation()
 _OWN = 0
 """Number of this drone among the vehicles, which begin at 1."""
@@ -64,7 +63,7 @@ def other_drones_of(
     owners, listening = dict.fromkeys(held, _OWN), []
     for one in others:
         course = one.course
-        if course is None or one.age_s > MISSING_S:
+        if course is None or one.age_s > SAFETY.missing_s:
             continue
         if course.searching and not course.returning:
             path = _path(_corners(one, plane), state, speed_m_s)

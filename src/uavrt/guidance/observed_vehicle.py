@@ -18,18 +18,8 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
+from uavrt.guidance.safety import SAFETY
 from uavrt.units import wrap_degrees_180
-
-MODE_AGE_S, POSITION_AGE_S = 1.0, 0.5
-"""Greatest age of mode and position with which a command is sent."""
-STICKS_AGE_S = 0.3
-"""Greatest age of required stick reports; autopilots send them at 5 Hz or more."""
-MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
-HEARTBEAT_LOST_S = 5.0
-"""Silence of the heartbeat that ends an order. Only it reports disarming and failsafes."""
-FLYING_M = 2.0
-"""Height above home below which it counts as on the ground, unless reported otherwise."""
-LANDED_AGE_S = 3.0
 
 
 class ObservedVehicle:
@@ -117,11 +107,11 @@ class ObservedVehicle:
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
         """Why an order or a take-off cannot be confirmed now, with the remedy; else None."""
-        if self.mode is None or now_s - self.mode.time_s > MODE_AGE_S:
+        if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
             return "the autopilot's mode is not known", "Check the link to the autopilot"
-        if self.heartbeat is None or now_s - self.heartbeat.time_s > HEARTBEAT_LOST_S:
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot", "Check the link to the autopilot"
-        if self.position is None or now_s - self.position.time_s > POSITION_AGE_S:
+        if self.position is None or now_s - self.position.time_s > SAFETY.position_age_s:
             return "the vehicle has no position", "Wait for its satellites"
         if self.home is None:
             return "the vehicle has no home", "Wait for its position, or set home in the GCS"
@@ -137,28 +127,28 @@ class ObservedVehicle:
         climbs = self.mode.mode == self.manners.takeoff_mode and not self.in_own_mode
         if climbs and not takeoff:
             return "the vehicle still takes off", "Ask again once it hovers"
-        if self.failsafe is not None and now_s - self.failsafe.time_s <= MODE_LOST_S:
+        if self.failsafe is not None and now_s - self.failsafe.time_s <= SAFETY.mode_lost_s:
             what = self.failsafe.what
             return f"the autopilot reports a failsafe: {what}", "Land, and find its cause"
         return None
 
     def lost(self, now_s: float) -> str | None:
         """Return which report has been missing so long that an order ends."""
-        if self.mode is None or now_s - self.mode.time_s > MODE_LOST_S:
+        if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
-        if self.heartbeat is None or now_s - self.heartbeat.time_s > HEARTBEAT_LOST_S:
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot"
-        if self.position is None or now_s - self.position.time_s > POSITION_LOST_S:
+        if self.position is None or now_s - self.position.time_s > SAFETY.position_lost_s:
             return "the position is lost"
         return None
 
     def on_ground(self, now_s: float) -> bool:
         """True if it is on the ground, as reported or else by its height above home."""
         landed, position = self.landed, self.position
-        fresh = landed is not None and now_s - landed.time_s <= LANDED_AGE_S
+        fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
             return landed.on_ground
-        return position is not None and position.altitude_relative_m < FLYING_M
+        return position is not None and position.altitude_relative_m < SAFETY.flying_height_m
 
     def target_age_s(self, now_s: float) -> float:
         """Time since the target was reported."""
@@ -171,7 +161,7 @@ class ObservedVehicle:
 
     def hands(self, now_s: float, unwatched: frozenset[int]) -> HandWatch | None:
         """Start to monitor the remote control; None: not received."""
-        if self.sticks is None or not self.sees_sticks(now_s, STICKS_LOST_S):
+        if self.sticks is None or not self.sees_sticks(now_s, SAFETY.sticks_lost_s):
             return None
         return HandWatch(self.sticks, unwatched)
 
@@ -197,6 +187,6 @@ def _turning(
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
     if before is None or gap_s <= 0.0:
         return known
-    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > POSITION_AGE_S:
+    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > SAFETY.position_age_s:
         return 0.0
     return wrap_degrees_180(seen.yaw_deg - before.yaw_deg) / gap_s

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.commanded import ASTRAY_M, HEIGHT_OFF_M
 from uavrt.guidance.hands import HandWatch
 from uavrt.guidance.observed import (
     HomeSeen,
@@ -16,12 +15,10 @@ from uavrt.guidance.observed import (
     same_place,
 )
 from uavrt.guidance.observed_vehicle import ObservedVehicle
-from uavrt.guidance.orders import OFFER_HOLDS_S
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw
 
-HOME_MOVED_M = 2.0
-"""Tolerated movement of home since the confirmation [m]; also of the sum of altitude jumps."""
 WHEN_YOURS = "A pilot flies it; ask again once it is yours"
 
 
@@ -104,10 +101,11 @@ class Offers:
             raise CommandRefused(
                 "this order is not on offer", remedy="Request the motion again, then confirm"
             )
-        if now_s - offer.made_s > OFFER_HOLDS_S:
+        if now_s - offer.made_s > SAFETY.offer_holds_s:
+            within = f"{SAFETY.offer_holds_s:.0f} s"
             raise CommandRefused(
                 f"the order was requested {now_s - offer.made_s:.0f} s ago",
-                remedy=f"Request the motion again, then confirm within {OFFER_HOLDS_S:.0f} s",
+                remedy=f"Request the motion again, then confirm within {within}",
             )
         return offer
 
@@ -123,7 +121,7 @@ class Offers:
         why = offer.objection(seen, vehicle)
         if why is not None:  # a confirmation of it is refused with the reason
             self._withdrawn, self._offer = (offer.nonce, why), None
-        elif isinstance(seen, HomeSeen) and between_m(seen, offer.home) > HOME_MOVED_M:
+        elif isinstance(seen, HomeSeen) and between_m(seen, offer.home) > SAFETY.home_moved_m:
             self._offer = None
 
 
@@ -151,5 +149,7 @@ def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
     if target is None or target.latitude_deg is None or place is None:
         return False
     height = target.altitude_amsl_m
-    climbs = height is not None and abs(height - place.altitude_amsl_m) > HEIGHT_OFF_M
-    return climbs or between_m(place, target) > ASTRAY_M + stops_within_m(place.speed_m_s)
+    climbs = height is not None and abs(height - place.altitude_amsl_m) > SAFETY.height_error_m
+    return climbs or between_m(place, target) > SAFETY.astray_m + stops_within_m(
+        place.speed_m_s
+    )

@@ -7,7 +7,7 @@ previous order's target; after it, the vehicle must follow the command (`Command
 from dataclasses import dataclass, field
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.commanded import AT_TOP_M, OTHERS_TARGET, Commanded
+from uavrt.guidance.commanded import OTHERS_TARGET, Commanded
 from uavrt.guidance.hands import HandWatch
 from uavrt.guidance.observed import (
     HomeSeen,
@@ -20,30 +20,11 @@ from uavrt.guidance.observed import (
     between_m,
     same_place,
 )
-from uavrt.guidance.observed_vehicle import (
-    MODE_AGE_S,
-    POSITION_AGE_S,
-    STICKS_AGE_S,
-    STICKS_LOST_S,
-    ObservedVehicle,
-)
-from uavrt.guidance.offers import HOME_MOVED_M, Offer, is_elsewhere
-from uavrt.guidance.progress import SLOW_S
+from uavrt.guidance.observed_vehicle import ObservedVehicle
+from uavrt.guidance.offers import Offer, is_elsewhere
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.yaw import OTHERS_TURN
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, Wish
-
-BEGINS_WITHIN_S = 10.0
-"""Longest time from the confirmation to the first command."""
-CHANGE_MODE_AGE_S = 0.2
-"""Greatest age of the mode report for a command that changes it: a pilot's change may cross
-it."""
-TARGET_AGE_S = 0.3
-"""Greatest age of the target report for a further command: another's target must be noticed."""
-PLANNER_LOST_S = 2.0
-MODE_CHANGES_WITHIN_S = 1.5
-"""Time after a command in which the previous mode is accepted; PX4 reports it at 2 Hz."""
-HEIGHT_JUMP_M = 5.0
-PLACE_JUMP_M = 30.0
 
 
 @dataclass(slots=True)
@@ -59,16 +40,16 @@ class JumpWatch:
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
-        if abs(rise) > HEIGHT_JUMP_M * max(1.0, gap_s):
+        if abs(rise) > SAFETY.height_jump_m * max(1.0, gap_s):
             return f"the height jumped by {rise:+.0f} m"
         above = seen.altitude_relative_m - before.altitude_relative_m
         climb = seen.velocity_m_s[2] * gap_s
         if abs(rise - climb) > abs(above - climb):
             self.jumped_m += rise - above
-        if abs(self.jumped_m) > HOME_MOVED_M:
+        if abs(self.jumped_m) > SAFETY.home_moved_m:
             return f"the altitude jumped by {self.jumped_m:+.0f} m"
         moved = between_m(seen, before)
-        far = moved > PLACE_JUMP_M + seen.speed_m_s * gap_s
+        far = moved > SAFETY.place_jump_m + seen.speed_m_s * gap_s
         return f"the position jumped by {moved:.0f} m" if far else None
 
 
@@ -129,7 +110,7 @@ class OrderWatch:
         if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
             raise CommandRefused("this is not what was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
-        if changes_mode and now_s - mode.time_s > CHANGE_MODE_AGE_S:
+        if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
             raise CommandRefused("the autopilot's mode was not reported just now")
         if not first and mode.mode != vehicle.manners.own_mode:
             raise CommandRefused(
@@ -143,25 +124,29 @@ class OrderWatch:
         if motion is not None and not stops:
             brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
             brakes &= not isinstance(wish, GoHome)
-            if brakes or motion.progress.stands(now_s, SLOW_S):
+            if brakes or motion.progress.stands(now_s, SAFETY.slow_progress_s):
                 raise CommandRefused("the drone is not approaching its target")
-        if not first and not self.offer.takeoff and vehicle.target_age_s(now_s) > TARGET_AGE_S:
-            raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
+        if (
+            not first
+            and not self.offer.takeoff
+            and vehicle.target_age_s(now_s) > SAFETY.target_age_s
+        ):
+            raise CommandRefused(f"the target is older than {SAFETY.target_age_s} s")
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
         """Raise `CommandRefused` if a takeover would not have been noticed."""
-        if vehicle.mode is None or now_s - vehicle.mode.time_s > MODE_AGE_S:
+        if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the mode is older than 1 s")
-        if vehicle.position is None or now_s - vehicle.position.time_s > POSITION_AGE_S:
+        if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
             raise CommandRefused("the position is older than 0.5 s")
         if vehicle.late is not None:
             raise CommandRefused(vehicle.late)
         if self.hands is None:
             return
-        if not self.sticks_unseen and not vehicle.sees_sticks(now_s, STICKS_AGE_S):
-            raise CommandRefused(f"the sticks are older than {STICKS_AGE_S} s")
+        if not self.sticks_unseen and not vehicle.sees_sticks(now_s, SAFETY.sticks_age_s):
+            raise CommandRefused(f"the sticks are older than {SAFETY.sticks_age_s} s")
         if self.hands.unsure:
             raise CommandRefused("a switch of the remote control was moved just now")
 
@@ -181,17 +166,17 @@ class OrderWatch:
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
         """Return what should have been reported by now and is missing."""
-        if now_s - self.planner_s > PLANNER_LOST_S:
+        if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
         if lost is None and self.hands is not None:
-            unseen = not vehicle.sees_sticks(now_s, STICKS_LOST_S)
+            unseen = not vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s)
             lost = "the sticks are no longer reported" if unseen else self.hands.sure(now_s)
         if lost is not None:
             return lost
         if self.motion is not None:
             return self.motion.overdue(now_s, vehicle.target_age_s(now_s))
-        if now_s - self.confirmed_s > BEGINS_WITHIN_S:
+        if now_s - self.confirmed_s > SAFETY.begins_within_s:
             late = "" if vehicle.late is None else f": {vehicle.late}"
             return f"the order was not begun within 10 s{late}"
         return None
@@ -209,7 +194,7 @@ class OrderWatch:
                 return self._see_sticks(seen)
             case LandedSeen():
                 return self._see_landed(seen)
-            case HomeSeen() if between_m(seen, self.home) > HOME_MOVED_M:
+            case HomeSeen() if between_m(seen, self.home) > SAFETY.home_moved_m:
                 return "home was moved"  # compared so, it cannot creep away either
         return None
 
@@ -224,13 +209,13 @@ class OrderWatch:
             if seen.mode == manners.takeoff_mode:
                 self.own_mode_seen = True
                 return None
-            if vehicle.in_own_mode and motion.top_m >= motion.highest_m - AT_TOP_M:
+            if vehicle.in_own_mode and motion.top_m >= motion.highest_m - SAFETY.takeoff_done_m:
                 return None  # it has arrived, and hovers
         elif vehicle.in_own_mode:
             self.own_mode_seen = True
             motion.in_own_mode()
             return None
-        waits = seen.time_s - motion.sent_s < MODE_CHANGES_WITHIN_S
+        waits = seen.time_s - motion.sent_s < SAFETY.mode_changes_within_s
         before = not self.own_mode_seen and seen.mode == self.offer.mode
         return None if before and waits else others
 

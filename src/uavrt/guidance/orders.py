@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
-OFFER_HOLDS_S = 10.0
-"""Longest time from an order's offer to its confirmation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,22 +21,10 @@ from uavrt.guidance.plans import (
     map_fault,
     must_return,
 )
-from uavrt.guidance.progress import ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
-
-ARRIVED_M_S = 1.0
-"""Speed below which it counts as standing."""
-SLOW_M_S = 2.0
-BEND_DEG = 30.0
-"""Largest change of course at which it flies to another position without stopping."""
-NEAR_M = 25.0
-"""Distance to either position below which it stops first: there small bends are large."""
-REFUSALS = 50
-"""Consecutive refusals that end the order."""
-BATTERY_S = 1.0
-"""Interval between two checks of the battery."""
 
 
 class Pilot:
@@ -110,14 +98,14 @@ class Pilot:
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
         """True if it is too fast to change course without looking like another's command."""
         before = self._steps[self._number]
-        if not isinstance(before, Go) or now.speed_m_s < SLOW_M_S:
+        if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
         if not isinstance(step, Go):
             return True
         here = (now.latitude_deg, now.longitude_deg)
         ways = [_course_deg(here, one.place) for one in (before, step)]
-        near = min(distance_m(*here, *one.place) for one in (before, step)) < NEAR_M
-        return near or abs(wrap_degrees_180(ways[1] - ways[0])) > BEND_DEG
+        near = min(distance_m(*here, *one.place) for one in (before, step)) < SAFETY.bend_from_m
+        return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
     def next(self, now: VehicleNow) -> Wish | None:
         """Return the motion to request now, if any."""
@@ -128,7 +116,7 @@ class Pilot:
             return None
         if now.wishes_sent > self._sent:
             self._sent, self._refused_before = now.wishes_sent, now.wishes_refused
-        if now.wishes_refused - self._refused_before > REFUSALS:
+        if now.wishes_refused - self._refused_before > SAFETY.refusals:
             self._refused_before = now.wishes_refused
             if self._returning:
                 self.ended = "the commands are refused"
@@ -210,19 +198,22 @@ class Pilot:
     def _done(self, step: Step, now: VehicleNow) -> bool:
         match step:
             case Turn():
-                return now.turned_deg >= abs(step.turn_deg) - LOOKS_DEG
+                return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_heading_deg
             case Home() | Ready():
                 return True
             case Climb():
-                return abs(now.altitude_relative_m - step.height_m) < AT_HEIGHT_M
+                return abs(now.altitude_relative_m - step.height_m) < SAFETY.at_height_m
         there = (
-            distance_m(now.latitude_deg, now.longitude_deg, *step.place) < ARRIVED_M
-            and now.speed_m_s < ARRIVED_M_S
-            and abs(now.altitude_relative_m - step.height_m) < AT_HEIGHT_M
+            distance_m(now.latitude_deg, now.longitude_deg, *step.place) < SAFETY.arrived_m
+            and now.speed_m_s < SAFETY.standing_speed_m_s
+            and abs(now.altitude_relative_m - step.height_m) < SAFETY.at_height_m
         )
         if there and step.yaw_deg is not None:
             yaw = now.yaw_deg
-            there = yaw is not None and abs(wrap_degrees_180(step.yaw_deg - yaw)) < LOOKS_DEG
+            there = (
+                yaw is not None
+                and abs(wrap_degrees_180(step.yaw_deg - yaw)) < SAFETY.at_heading_deg
+            )
         if not there:
             self._there_s = None
             return False
@@ -237,7 +228,7 @@ class Pilot:
             return None  # a take-off ends where it hovers, and says no more
         if self._failed is not None:
             return self._home(self._failed)
-        if now.time_s >= self._battery_s + BATTERY_S:
+        if now.time_s >= self._battery_s + SAFETY.battery_s:
             self._battery_s = now.time_s
             reason = self._battery_reason(now)
             if reason is not None:

@@ -11,6 +11,7 @@ from uavrt.guidance.heights import check_height
 from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut
 from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
 from uavrt.planning.energy import Battery, EnergyModel
@@ -20,14 +21,8 @@ from uavrt.units import wrap_degrees_360
 
 _CORNERS = 36
 _FASTEST_TURN_DEG_S = 45.0
-BELOW_M = 1.0
-"""Allowance for gusts that push a hovering drone below the least height."""
 _MOST_TURNS, _MOST_LINES = 60, 200
 _CLIMB_M_S = 1.5
-_CALM_SHARE = 0.9
-"""Share of the greatest airspeed; nothing is flown in stronger wind."""
-MARGIN_M = 5.0
-"""Distance from excluded areas, for gusts and bends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,7 +270,7 @@ def area_of(
         fence=_fence(limits),
         voids=voids_of(order, limits, plane),
         within=_within(limits, plane),
-        margin_m=MARGIN_M,
+        margin_m=SAFETY.margin_m,
         straight_home=True,
         lowest_m=limits.lowest_m,
         highest_m=limits.highest_m,
@@ -298,7 +293,11 @@ def check_keep_out(
     if not (voids or within):
         return
     area = SearchArea(
-        search=_fence(limits), voids=voids, within=within, margin_m=MARGIN_M, straight_home=True
+        search=_fence(limits),
+        voids=voids,
+        within=within,
+        margin_m=SAFETY.margin_m,
+        straight_home=True,
     )
     area.check_home()
     x, y = np.array(_local(plane, places)).T
@@ -349,20 +348,20 @@ def check_ground(
         x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
         beneath = ground.above_home_m(x, y)
         flown = first if number == 0 else height
-        if np.isnan(beneath).any() and height < now.altitude_relative_m - BELOW_M:
+        if np.isnan(beneath).any() and height < now.altitude_relative_m - SAFETY.gust_below_m:
             raise PlanError(
                 "it would descend over ground that the map does not know",
                 remedy="Stay as high, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
-        if flown < needed - BELOW_M:
+        if flown < needed - SAFETY.gust_below_m:
             raise PlanError(
                 f"to clear the ground, the path or its return needs {needed:.0f} m above home",
                 remedy="Climb first: `uavrt fly hold --height`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
-        if np.isfinite(low) and height - low > limits.highest_m + BELOW_M:
+        if np.isfinite(low) and height - low > limits.highest_m + SAFETY.gust_below_m:
             raise PlanError(
                 f"{height:.0f} m above home is {height - low:.0f} m above ground on the "
                 "path, which is too high",
@@ -422,7 +421,7 @@ def _way(
     turn_s: float = 0.0,
 ) -> Plan:
     """Steps over some positions, within the fence and the battery's reach, return included."""
-    if now.altitude_relative_m < limits.lowest_m - BELOW_M:
+    if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, and would begin its way below "
             f"{limits.lowest_m:.0f} m",
@@ -524,7 +523,7 @@ def way_home_wh(
 
 def too_windy(now: VehicleNow, limits: Limits) -> str | None:
     """Describe reported wind that is close to the drone's greatest airspeed; else None."""
-    if now.wind is None or now.wind.speed_m_s <= _CALM_SHARE * limits.airspeed_m_s:
+    if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
         f"the wind is {now.wind.speed_m_s:.0f} m/s; the drone flies "

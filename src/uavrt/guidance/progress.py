@@ -8,19 +8,7 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 
-ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG = 3.0, 2.0, 8.0
-"""Tolerances of a finished step: position, height and heading."""
-STANDS_S = 3.0
-"""Longest time without progress, also right after a command [s]. PX4 1.17 (SIH) took 0.7 to 1.3
-s after a command from rest, up to 2.495 s after one that replaced a leg (104 commands)."""
-SLOW_S = 1.0
-"""Time without progress after which no further command is sent [s]."""
-BRAKES_S, BRAKES_M = 0.5, 0.1
-"""A drone whose stopping point comes nearer by less in this time brakes, or stands."""
-SAMPLE_S = 0.1
-"""Interval of the stored positions."""
-NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
-"""Least changes within `STANDS_S` that count as progress; wind may slow a drone to that."""
+from uavrt.guidance.safety import SAFETY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +20,7 @@ class Left:
     """Remaining change from the stopping point: it falls first when the drone must turn
     back."""
     least: float
-    """Change within `STANDS_S` that counts as progress."""
+    """Change within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
     """Tolerance at the end."""
     needed: bool = True
@@ -61,10 +49,12 @@ class Progress:
             self._samples.clear()
             return
         self._samples.append(_Sample(time_s, parts, free))
-        while len(self._samples) > 1 and self._samples[1].time_s <= time_s - STANDS_S:
+        while (
+            len(self._samples) > 1 and self._samples[1].time_s <= time_s - SAFETY.no_progress_s
+        ):
             self._samples.popleft()
 
-    def stands(self, time_s: float, for_s: float = STANDS_S) -> bool:
+    def stands(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
         """True if something remains and nothing has decreased for so long."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
@@ -74,18 +64,20 @@ class Progress:
         """True if it slows down without a reason: its stopping point comes no nearer."""
         if not self._samples or not self._samples[-1].free:
             return False
-        old = (one for one in reversed(self._samples) if one.time_s <= time_s - BRAKES_S)
+        old = (
+            one for one in reversed(self._samples) if one.time_s <= time_s - SAFETY.braking_s
+        )
         now = self._samples[-1].parts[0]
-        return any(now.soon > then.parts[0].soon - BRAKES_M for then in islice(old, 1))
+        return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
         """True if any remaining part has decreased, relative to its least change."""
-        share = within_s / STANDS_S
+        share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(
             max(a.now - b.now, a.soon - b.soon) >= share * b.least
             for then in self._samples
-            if then.time_s >= time_s - within_s - SAMPLE_S
+            if then.time_s >= time_s - within_s - SAFETY.sample_s
             for a, b in zip(then.parts, now, strict=True)
             if a.now > a.tolerance
         )

@@ -5,10 +5,12 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from uavrt.guidance.neighbours import MISSING_S, SEPARATION, nearest_m, other_drones_of
+from uavrt.guidance.neighbours import SEPARATION, nearest_m, other_drones_of
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.plans import too_windy
-from uavrt.guidance.search_task import CYCLE_S, SearchTask
+from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import SearchTask
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.messages import FoundTag, Neighbour
 from uavrt.planning.actions import Action, FlyTo, Hold, Return
@@ -41,7 +43,7 @@ class SearchDecisions:
         new = []
         for one in others:
             course = one.course
-            if course is None or not course.searching or one.age_s > MISSING_S:
+            if course is None or not course.searching or one.age_s > SAFETY.missing_s:
                 continue
             for tag in course.found:
                 found = self._found_by(one.vehicle, tag, time_s)
@@ -103,7 +105,9 @@ class SearchDecisions:
             reason = _meets(decision.action, state, drones)
         if reason is None:
             return decision
-        return Decision(action=Hold(duration_s=CYCLE_S), reason=f"{decision.action} {reason}")
+        return Decision(
+            action=Hold(duration_s=SEARCH.cycle_s), reason=f"{decision.action} {reason}"
+        )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
         """Describe how an action crosses an excluded area, whichever planner chose it.

@@ -12,6 +12,7 @@ from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import area_of, check_battery, multirotor_of, reserve_wh
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.messages import Tag
@@ -26,21 +27,6 @@ from uavrt.planning.situation import Planner, SearchSettings
 from uavrt.planning.stopping import HonestStop
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain.hill_losses import HillLosses
-
-CYCLE_S = 5.0
-"""Interval of the decisions during flight."""
-KEPT_AWAY = 0.99
-"""Probability, per path and tag, of staying out of an animal's protected distance."""
-AWAY_MARGIN = 1.4
-"""Factor on the protected distance when planning: a walking animal turns, and one of many
-decisions may be wrong."""
-TAG_HEIGHT_M = 0.5
-FEW_TAGS = 5
-PARTICLES, FEWER_PARTICLES = 10_000, 4_000
-"""Particles for each tag, up to `FEW_TAGS` and beyond."""
-TURN_STEP_S = 2.7
-"""Time per heading of a stepwise turn."""
-_CORNERS = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,16 +86,18 @@ class SearchTask:
                 vehicle=multirotor_of(limits),
                 area=area,
                 stop=HonestStop(radius95_m=order.wish_m),
-                keep_away=KeepAway(radius_m=away, probability=KEPT_AWAY, margin=AWAY_MARGIN)
+                keep_away=KeepAway(
+                    radius_m=away, probability=SEARCH.kept_away, margin=SEARCH.away_margin
+                )
                 if away > 0.0
                 else None,
                 energy=energy_of(limits.hover_w),
                 worst_wind_m_s=limits.wind_m_s,
                 return_height_m=limits.return_height_m,
-                cycle_s=CYCLE_S,
+                cycle_s=SEARCH.cycle_s,
                 pulse_s=float(np.mean([max(tag.pulse_intervals_s) for tag in self.tags])),
                 threshold_db=10.0,
-                tag_height_m=TAG_HEIGHT_M,
+                tag_height_m=SEARCH.tag_height_m,
             ),
             self._beliefs(area.search),
             self._planner(),
@@ -117,7 +105,7 @@ class SearchTask:
         )
 
     def _beliefs(self, area: Polygon) -> Beliefs:
-        few = len(self.tags) <= FEW_TAGS
+        few = len(self.tags) <= SEARCH.few_tags
         hills, box = self.equipment.hills, area.box
         if hills is not None:
             hills = hills.at(float(np.median([tag.frequency_hz for tag in self.tags])))
@@ -133,7 +121,7 @@ class SearchTask:
                         known.get(tag.tag_id, usual), area=box, pattern=pattern, hills=hills
                     ),
                     np.random.default_rng((self.equipment.seed, 2, tag.tag_id)),
-                    particles=PARTICLES if few else FEWER_PARTICLES,
+                    particles=SEARCH.particles if few else SEARCH.fewer_particles,
                 )
                 for tag in self.tags
             )
@@ -145,7 +133,7 @@ class SearchTask:
             return planner_named(self.equipment.planner)
         turning = self.turn_s
         if self.manners.yaw_in_reposition:
-            turning += TURN_STEP_S * self.limits.headings
+            turning += SEARCH.turn_step_s * self.limits.headings
         return MiRate(rotation_s=turning)
 
     @property
@@ -200,7 +188,7 @@ def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, 
             "the search has no area", remedy="Give an outline, or a radius of 10 m or more"
         )
     east, north = plane.to_local(now.latitude_deg, now.longitude_deg)
-    angles = [2.0 * pi * n / _CORNERS for n in range(_CORNERS)]
+    angles = [2.0 * pi * n / SEARCH.circle_corners for n in range(SEARCH.circle_corners)]
     latitude, longitude = plane.to_geodetic(
         [float(east) + radius * sin(a) for a in angles],
         [float(north) + radius * cos(a) for a in angles],

@@ -20,17 +20,13 @@ from uavrt.guidance.plans import (
 )
 from uavrt.guidance.search_decisions import SearchDecisions, goal_of
 from uavrt.guidance.search_notes import SearchNotes
-from uavrt.guidance.search_task import KEPT_AWAY, TAG_HEIGHT_M, Equipment, SearchTask
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import Equipment, SearchTask
 from uavrt.messages import FoundTag, Neighbour, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
 from uavrt.planning.area import SearchArea
 from uavrt.planning.vehicle import VehicleState
 from uavrt.units import s_from_ns, wrap_degrees_360
-
-SAME_GOAL_M = 10.0
-"""A goal that moves by less counts as the same and is flown to the end."""
-APPROACHED = 2.0
-"""Rise of the probability that an animal is close at which a stay is decided again [factor]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +79,7 @@ class Seeker:
         self.check(now)
         self._ears = Ears(
             *(task.tags, task.plane),
-            tag_height_m=TAG_HEIGHT_M,
+            tag_height_m=SEARCH.tag_height_m,
             k=equipment.k,
             codes=sum(tag.coded for tag in listed),
         )
@@ -236,7 +232,7 @@ class Seeker:
     def _approached(self, state: VehicleState) -> bool:
         """True if an animal has probably come closer since the stay began."""
         near = self._search.near(state)
-        return near > 1.0 - KEPT_AWAY and near > APPROACHED * self._course.near
+        return near > 1.0 - SEARCH.kept_away and near > SEARCH.approached * self._course.near
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
         """Steps of the pilot for an action, beginning with a stop if needed."""
@@ -279,4 +275,4 @@ class Seeker:
 def _is_same(goal: tuple[float, float] | None, before: tuple[float, float] | None) -> bool:
     if goal is None or before is None:
         return False
-    return hypot(goal[0] - before[0], goal[1] - before[1]) < SAME_GOAL_M
+    return hypot(goal[0] - before[0], goal[1] - before[1]) < SEARCH.same_goal_m

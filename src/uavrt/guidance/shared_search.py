@@ -13,6 +13,7 @@ from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.neighbours import SEPARATION, nearest_m, strips_of
 from uavrt.guidance.orders import Place, VehicleNow
 from uavrt.guidance.pilot import standing_place
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import Course, Neighbour
 from uavrt.planning.other_drones import OtherDrones
 from uavrt.tangent_plane import TangentPlane
@@ -20,10 +21,6 @@ from uavrt.tangent_plane import TangentPlane
 if TYPE_CHECKING:
     from uavrt.guidance.seeker import Choice
 
-REPORT_AGE_S = 10.0
-"""Longest age of a report on others that still counts."""
-ANSWER_S = 3.0
-"""Longest wait for the answer to a requested path."""
 _ROUND = 0x10000
 _Tag = TypeVar("_Tag")
 
@@ -68,7 +65,7 @@ class SharedSearch:
 
     def informed(self, now_s: float) -> bool:
         """True if a ground station reports others at present."""
-        return self._reported_s is not None and now_s - self._reported_s < REPORT_AGE_S
+        return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
     def speaks(self, now_s: float) -> bool:
         """True if it must report its course: when requesting a path, also to a new station."""
@@ -114,7 +111,7 @@ class SharedSearch:
         self._others = {
             vehicle: (one, reported_s)
             for vehicle, (one, reported_s) in self._others.items()
-            if now_s - reported_s < REPORT_AGE_S
+            if now_s - reported_s < SAFETY.report_age_s
         }
         self._choice = None
         self.end()
@@ -156,7 +153,7 @@ class SharedSearch:
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
-        if self._granted is None and now.time_s - asked.asked_s < ANSWER_S:
+        if self._granted is None and now.time_s - asked.asked_s < SAFETY.answer_s:
             return None
         self._asked = None
         if not (self._granted and self._clear(now, asked.way[1])):

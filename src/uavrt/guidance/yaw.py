@@ -4,40 +4,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import atan, copysign, degrees
 
+from uavrt.guidance.safety import SAFETY
 from uavrt.units import wrap_degrees_180
 
 OTHERS_TURN = "another turns the drone"
-THERE_DEG, BEGUN_DEG = 6.0, 5.0
-NEAR_M = 0.7
-"""Distance to the target below which the heading stays; PX4 follows the bearing until 1 to 2
-m."""
-BESIDE_M = 1.0
-"""Error of our position against the autopilot's when computing a bearing [m]."""
-ALIGNED_DEG, ALIGNED_S = 12.0, 1.0
-"""Tolerance and least duration for a measured heading to count as aligned with the target. On
-68 legs of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3
-m from the target, and within 2.2° of itself nearer than `NEAR_M`."""
-SETTLES_DEG = 0.3
-"""Change per report below which a heading has settled."""
-FROZEN_M, STOPPED_S = 2.5, 1.0
-"""Distance below which a setpoint may freeze on its way to the bearing; farther away for this
-time at most."""
-TURNS_ON_S = 6.0
-"""Time in which a turn in progress at a command is stopped and reversed [s]."""
-ON_S = 0.3
-"""Within this time of a command, a reported setpoint may be older than the command [s]."""
-COURSE_S, FOLLOWS_DEG = 1.0, 3.0
-"""A heading on its way to a course turns by at least this angle in this time [s, deg]. After a
-new target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its
-course."""
-EITHER_WAY_DEG = 150.0
-"""A course farther from the heading than this may be turned to in either direction."""
-COURSE_M_S = 0.5
-"""Least speed at which ArduCopter's heading follows the course: 5 % of its speed [m/s]."""
-FAST_M_S = 1.0
-"""The same nearer than `FROZEN_M`, where the drone returns from its overshoot [m/s]."""
-TURNING_DEG_S, TURNED_S = 4.0, 0.5
-"""A heading that changes slower than this, for this long, stands."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -81,7 +51,7 @@ class YawWatch:
     """Angle by which the setpoint continued its earlier turn since the command."""
     _ended: bool = False
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """Times [s], headings and courses over ground [deg] of the last `COURSE_S`."""
+    """Times [s], headings and courses over ground [deg] in `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -94,7 +64,9 @@ class YawWatch:
         """True if the requested heading is reached, or has come nearer."""
         if self.wanted_deg is None:
             return True
-        return self._best_deg < max(THERE_DEG, self._first_deg - BEGUN_DEG)
+        return self._best_deg < max(
+            SAFETY.turn_done_deg, self._first_deg - SAFETY.turn_begun_deg
+        )
 
     def fault(
         self,
@@ -125,24 +97,26 @@ class YawWatch:
         if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
             self._moved_s = time_s
         self._best_deg = min(self._best_deg + moved, off)
-        frozen = self.wanted_deg is None and away_m < FROZEN_M
+        frozen = self.wanted_deg is None and away_m < SAFETY.frozen_m
         there = off <= slack + self._tolerance_deg or frozen
-        self._turns |= not there and off < self._first_deg - BEGUN_DEG
-        if time_s - self.start_s < TURNS_ON_S:
+        self._turns |= not there and off < self._first_deg - SAFETY.turn_begun_deg
+        if time_s - self.start_s < SAFETY.turn_made_up_s:
             most += self._turned_on_deg(time_s, step, off)
         follows = self._follows_course(time_s, yaw_deg, course_deg)
-        stands = time_s - self._moved_s > STOPPED_S
+        stands = time_s - self._moved_s > SAFETY.stopped_s
         if self.exact and self._turns and not there and stands and not self._turns_on:
             return OTHERS_TURN  # a setpoint that began to turn continues to its aim
         return OTHERS_TURN if off > most and not follows else None
 
     @property
     def _tolerance_deg(self) -> float:
-        return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
+        return (
+            min(SAFETY.aligned_deg, self.tolerance_deg) if self._aligned else self.tolerance_deg
+        )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
         """True if the heading turns from its old direction towards the recent course."""
-        while self._courses and self._courses[0][0] < time_s - COURSE_S:
+        while self._courses and self._courses[0][0] < time_s - SAFETY.course_follow_s:
             self._courses.popleft()
         follows = any(
             _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
@@ -156,12 +130,12 @@ class YawWatch:
         """Record since when a measured heading is aligned with the target."""
         if self.exact or self._near or self._aligned:
             return
-        if off_deg > THERE_DEG:
+        if off_deg > SAFETY.turn_done_deg:
             self._looks_since_s = None
         elif self._looks_since_s is None:
             self._looks_since_s = time_s
         else:
-            self._aligned = time_s - self._looks_since_s >= ALIGNED_S
+            self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
 
     @property
     def _turns_on(self) -> bool:
@@ -181,7 +155,7 @@ class YawWatch:
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         self._on_deg += abs(step_deg)
         on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
-        stands = on_deg < SETTLES_DEG and time_s - self.start_s > ON_S
+        stands = on_deg < SAFETY.settled_deg and time_s - self.start_s > SAFETY.report_delay_s
         self._ended = on_deg < 0.0 or stands or self._on_deg > longest
         if self._ended:
             self._turns, self._moved_s = True, time_s
@@ -194,11 +168,14 @@ class YawWatch:
         """Expected heading and its uncertainty [deg]."""
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
-        was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
+        was_near, self._near = (
+            self._near,
+            bearing_deg is None or away_m < SAFETY.heading_stays_m,
+        )
         if not self._near and bearing_deg is not None:
-            return bearing_deg, degrees(atan(BESIDE_M / away_m))
+            return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
         # A turn that is not over yet comes to its end first.
-        settles = not was_near or (self._settles and abs(step_deg) > SETTLES_DEG)
+        settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
         self._settles = settles and not self._aligned
         if not was_near and self._aligned:
             return yaw_deg, 0.0
@@ -222,14 +199,14 @@ def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg:
     left = wrap_degrees_180(goal_deg - before_deg)
     turned = wrap_degrees_180(yaw_deg - before_deg)
     towards = turned if left >= 0.0 else -turned
-    if abs(left) > EITHER_WAY_DEG:
+    if abs(left) > SAFETY.either_way_deg:
         towards = abs(turned)
-    return FOLLOWS_DEG <= towards <= abs(left) + tolerance_deg
+    return SAFETY.course_follow_deg <= towards <= abs(left) + tolerance_deg
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
     """Angle by which a turn may continue; 25° and 50° were flown, maybe accelerating."""
-    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
@@ -237,7 +214,7 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
     It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
     """
-    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -258,10 +235,10 @@ class RestingYaw:
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
         """Add a heading; return whether another has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
-        if abs(self.turning_deg_s) > TURNING_DEG_S:
+        if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
             since_s = max(self._moved_boot_s, self.start_boot_s)
-            if step * self.turning_deg_s > 0.0 and boot_s - since_s < TURNED_S:
+            if step * self.turning_deg_s > 0.0 and boot_s - since_s < SAFETY.turned_s:
                 self.yaw_deg, self._moved_boot_s, step = yaw_deg, boot_s, 0.0
-        turns_on = boot_s - max(self._moved_boot_s, self.start_boot_s) < TURNS_ON_S
+        turns_on = boot_s - max(self._moved_boot_s, self.start_boot_s) < SAFETY.turn_made_up_s
         most = self.tolerance_deg + turns_on * _turns_on_deg(self.turning_deg_s)
         return abs(step) > most

@@ -25,20 +25,32 @@ from uavrt.localization.position.trackers import (
 )
 
 _Floats = NDArray[np.float64]
-_FADES = 0.95
-"""Factor on a pulse's weight in the model check with each further one: twenty pulses count."""
-_GROSS = 4.0
-_RIVAL_SIGMA_DB = 12.0
-_RIVAL_PARTICLES = 2000
-_RIVAL_SHARE = 0.1
-"""Prior probability of a stationary interferer that is received as the tag."""
-_SURE_NATS = 7.0
-_MOST_NATS = 25.0
-"""Limit of the evidence for a tag, so that a tag that falls silent can be doubted."""
-_KNOWN_SHARE = 0.5
-"""Share of its area's width below which an interferer's position is known enough to compare."""
-_LIMIT = 3.3
-"""Deviation at which the check fails [standard deviations]: once in a thousand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ExistenceRules:
+    """Constants of the check of the model, and of an interferer that rivals a tag."""
+
+    memory: float = 0.95
+    """Weight of a pulse in the check of the model when the next one comes: twenty pulses."""
+    largest_sigmas: float = 4.0
+    """Largest deviation with which one pulse counts [standard deviations]."""
+    failing_sigmas: float = 3.3
+    """Deviation at which the check fails [standard deviations]: once in a thousand."""
+    rival_sigma_db: float = 12.0
+    """Uncertainty of the level of an interferer [dB]."""
+    rival_particles: int = 2000
+    rival_share: float = 0.1
+    """Probability, before the flight, that a stationary interferer is received as the tag."""
+    rival_nats: float = 7.0
+    """Largest log odds of the interferer."""
+    tag_nats: float = 25.0
+    """Largest evidence that a tag is there: a tag that falls silent is to be doubted."""
+    known_share: float = 0.5
+    """Share of its area's width: an interferer whose place is known better is not the tag."""
+
+
+_RULES = _ExistenceRules()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +69,8 @@ class ModelCheck:
         """True if mean and scatter are as expected."""
         if self.pulses < 1.0:
             return False
-        room = _LIMIT * np.sqrt(2.0 / self.pulses)
-        return abs(self.bias_sigmas) <= _LIMIT and self.scatter <= 1.0 + room
+        room = _RULES.failing_sigmas * np.sqrt(2.0 / self.pulses)
+        return abs(self.bias_sigmas) <= _RULES.failing_sigmas and self.scatter <= 1.0 + room
 
     def __str__(self) -> str:
         return f"bias {self.bias_sigmas:+.1f} σ, scatter × {self.scatter:.1f}"
@@ -74,7 +86,8 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
     above, heard = (
         special.log_ndtr((expected.level_db - one) / sigma) for one in (level_db, threshold_db)
     )
-    return float(np.clip(-special.ndtri_exp(min(above - heard, -1e-12)), -_GROSS, _GROSS))
+    most = _RULES.largest_sigmas
+    return float(np.clip(-special.ndtri_exp(min(above - heard, -1e-12)), -most, most))
 
 
 class Rival:
@@ -87,14 +100,14 @@ class Rival:
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         own = replace(
             prior,
-            level_sigma_db=_RIVAL_SIGMA_DB,
+            level_sigma_db=_RULES.rival_sigma_db,
             motion=(1.0, 0.0, 0.0),
             level_drift_db_per_root_s=0.0,
         )
         self._missed = prior.missed_share
         self._chance = prior.chance_share
-        self.tracker = ParticleTracker(own, rng, particles=_RIVAL_PARTICLES)
-        share = _RIVAL_SHARE
+        self.tracker = ParticleTracker(own, rng, particles=_RULES.rival_particles)
+        share = _RULES.rival_share
         self._log_odds = self._least = float(np.log(share / (1.0 - share)))
         self._density = 0.0
 
@@ -126,7 +139,7 @@ class Rival:
         self._add(self.tracker.listen(heard).log_probability)
 
     def _add(self, nats: float) -> None:
-        self._log_odds = float(np.clip(self._log_odds + nats, self._least, _SURE_NATS))
+        self._log_odds = float(np.clip(self._log_odds + nats, self._least, _RULES.rival_nats))
 
 
 class TagBelief:
@@ -202,7 +215,7 @@ class TagBelief:
             if rival is not None:
                 rival.heard(heard, expected.log_probability)
         gained = self._log_bayes_factor + expected.log_probability - absent
-        self._log_bayes_factor = min(gained, _MOST_NATS)
+        self._log_bayes_factor = min(gained, _RULES.tag_nats)
         self._check(heard, expected, absent)
         return expected
 
@@ -212,7 +225,7 @@ class TagBelief:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)
         own = 1.0 - min(1.0, float(np.exp(absent - expected.log_probability)))
-        fade = np.array([_FADES, _FADES**2, _FADES, _FADES])
+        fade = np.array([_RULES.memory, _RULES.memory**2, _RULES.memory, _RULES.memory])
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
 
     def model_check(self) -> ModelCheck:
@@ -236,7 +249,7 @@ class TagBelief:
             return None
         area, place, own = self.prior.area, rival.tracker.spread(), self.spread()
         width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
-        if place.rms_m > _KNOWN_SHARE * width:
+        if place.rms_m > _RULES.known_share * width:
             return f"something else is heard ({rival.probability:.2f}), none knows where"
         apart = np.hypot(place.east_m - own.east_m, place.north_m - own.north_m)
         if apart < place.rms_m + 2.0 * own.rms_m:

@@ -15,16 +15,24 @@ from dataclasses import dataclass
 
 from uavrt.planning.beliefs import TagBelief
 
-APART = 0.15
-"""Standard deviation of the difference between two tags' exponents in one area."""
-_SURE = 0.95
-"""Least probability that a tag exists before it informs others."""
-_NEWS = 1.25
-"""Factor on its precision after which a tag sends a new message."""
-_PLACED_M = 50.0
-"""Root mean square of a tag's cloud below which its position counts as known."""
-_MOST = 1.0 / 0.1**2
-"""Largest precision from a tag's own pulses."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sharing:
+    """When and how surely tags share the fall with distance."""
+
+    exponent_sigma: float = 0.15
+    """Difference of the exponents of two tags in one area, one standard deviation."""
+    existence: float = 0.95
+    """Least probability that a tag exists before it informs others."""
+    news: float = 1.25
+    """Factor on its precision after which a tag sends its next message."""
+    placed_m: float = 50.0
+    """Root mean square of a tag's cloud below which its place is known [m]."""
+    most_precision: float = 1.0 / 0.1**2
+    """Precision that a tag's own pulses may claim."""
+
+
+_SHARING = _Sharing()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +65,7 @@ class CommonFall:
     """Shares each tag's knowledge of the exponent among all tags."""
 
     def __init__(self) -> None:
-        self._variance = APART**2
+        self._variance = _SHARING.exponent_sigma**2
         self._sent: dict[int, _Told] = {}
         self._received: dict[int, _Told] = {}
 
@@ -83,9 +91,9 @@ class CommonFall:
 
     def _ask(self, belief: TagBelief) -> None:
         """Get the message of a tag's own pulses, if it exists and fits the model."""
-        if belief.existence_probability < _SURE or not belief.model_check().passed:
+        if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
-        if belief.spread().rms_m > _PLACED_M:
+        if belief.spread().rms_m > _SHARING.placed_m:
             return
         mean, variance = belief.tracker.exponent()
         prior = belief.prior
@@ -96,7 +104,7 @@ class CommonFall:
         own = _Told(precision=precision, weighted=precision * mean).minus(before)
         if own.precision <= 0.0:
             return
-        own = own.scaled(min(1.0, _MOST / own.precision))
+        own = own.scaled(min(1.0, _SHARING.most_precision / own.precision))
         last = self._sent.get(belief.tag_id)
-        if last is None or own.precision > _NEWS * last.precision:
+        if last is None or own.precision > _SHARING.news * last.precision:
             self._sent[belief.tag_id] = own

@@ -20,7 +20,7 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_d
 from uavrt.localization.headings import Headings
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
-from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
+from uavrt.planning.whole_flight import MODEL, WholeFlightSum
 from uavrt.terrain.squares import GroundGrid
 from uavrt.terrain.viewshed import terrain_loss_map
 
@@ -166,7 +166,7 @@ def coverage_of(
         return Coverage(
             ground=ground,
             heard=np.where(ground.known, heard, np.nan).astype(np.float32),
-            groups=int(len(way.time_s) >= LEAST_PULSES),
+            groups=int(len(way.time_s) >= MODEL.least_pulses),
             whole_flight=True,
         )
     found = _found_by_enr(tag, frequency_window_hz)
@@ -201,7 +201,7 @@ def _by_whole_flight(
         step(view.energies(number % pulses))
         if on_pulse is not None:
             on_pulse(number + 1, 2 * pulses)
-    return judged.found() if pulses >= LEAST_PULSES else 0.0 * judged.found()
+    return judged.found() if pulses >= MODEL.least_pulses else 0.0 * judged.found()
 
 
 def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) -> Absence:

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from uavrt.planning.propagation import GroundReflection
+from uavrt.units import SPEED_OF_LIGHT_M_S
 
-_LIGHT_M_S = 299_792_458.0
 THERMAL_DBM_HZ = -173.98
 """Noise density of a matched load at 290 K."""
 FARTHEST_M = 100_000.0
@@ -60,7 +60,7 @@ class LinkBudget:
     @property
     def free_space_db(self) -> float:
         """Loss [dB] of the first metre."""
-        return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / _LIGHT_M_S)
+        return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S)
 
     def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
         """ENR [dB] at distances over the ground [m], of the same shape.

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.units import SPEED_OF_LIGHT_M_S
+
 _Floats = NDArray[np.floating[Any]]
 _STEP_M = 0.5
-_LIGHT_M_S = 299_792_458.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -35,7 +36,7 @@ class GroundReflection:
         ratio = complex(self.permittivity, -18e9 * self.conductivity_s_m / self.frequency_hz)
         root = np.sqrt(ratio - (1.0 - sine**2))
         coefficient = (sine - root) / (sine + root)
-        phase = 2.0 * np.pi * self.frequency_hz / _LIGHT_M_S * (mirrored - straight)
+        phase = 2.0 * np.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S * (mirrored - straight)
         both = np.abs(1.0 + coefficient * np.exp(-1j * phase))
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 

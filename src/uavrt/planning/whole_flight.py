@@ -6,6 +6,7 @@ shifted gamma distribution, as in the search itself (docs/explanation/whole-flig
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -16,22 +17,34 @@ from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
-LEAST_PULSES = 12
-"""Least pulses; with fewer, the ordinary detector's sum is as good."""
-_DESIGN_ENR = 2.0
-"""ENR for which the weights are designed, as in the search."""
-_PATTERNS = 6.0
-"""Number of different positions, for a turning antenna."""
-_HYPOTHESES = 6.0
-_SLOT = 0.5
-"""Length of a slot, in pulses."""
-_ROW_BINS = 0.5
-"""Spacing of the frequencies, over the inverse of the pulse width."""
-_DRIFT_SLOTS = 2.0
-"""Change of the flight's middle between two independent drifts [slots]."""
-_LOSS_DB = -0.8
-"""Loss between cells of slots, frequencies and intervals, less the gain from neighbouring
-windows: brings 400 pulses of a turning antenna to 2.3 dB, as measured (I2)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeFlightModel:
+    """Constants of the search over a whole flight, as `uavrt.integration` makes it."""
+
+    least_pulses: int = 12
+    """Pulses that the ordinary detector sums: a shorter flight gains nothing."""
+    design_enr: float = 2.0
+    """Energy over noise for which the weights are designed."""
+    patterns: float = 6.0
+    """Number of places that differ, for an antenna that turns."""
+    hypotheses: float = 6.0
+    """Independent hypotheses for each pattern and cell."""
+    slot_pulses: float = 0.5
+    """Length of a slot [pulse widths]."""
+    row_bins: float = 0.5
+    """Distance of two frequencies [1 / pulse width]."""
+    drift_slots: float = 2.0
+    """Shift of the flight's middle between two independent drifts [slots]."""
+    loss_db: float = -0.8
+    """Loss of slots, frequencies and intervals between cells, less what neighbouring windows
+    hold of a pulse [dB]: brings 400 pulses of a turning antenna to 2.3 dB, as measured (I2)."""
+
+
+MODEL = WholeFlightModel()
+
+
 _ENR_DB = np.arange(-40.0, 40.25, 0.25)
 _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
@@ -72,14 +85,14 @@ class WholeFlightSum:
             self._shift, self._spread = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         assert self._shift is not None
         assert self._spread is not None
-        gain = np.float32(_DESIGN_ENR) * energy / self._strongest
+        gain = np.float32(MODEL.design_enr) * energy / self._strongest
         weight = gain / (1.0 + gain)
         square = weight * weight
         self._squares += square
         self._cubes += square * weight
         enr_db = 10.0 * np.log10(np.maximum(energy, 1e-9))
         for number, error_db in enumerate(self._errors_db):
-            at = (enr_db + (error_db - _LOSS_DB - _ENR_DB[0])) * 4.0
+            at = (enr_db + (error_db - MODEL.loss_db - _ENR_DB[0])) * 4.0
             row = np.clip(at + 0.5, 0, len(_ENR_DB) - 1).astype(np.int32)
             self._shift[number] += weight * self._mean[row]
             self._spread[number] += square * self._variance[row]
@@ -123,16 +136,16 @@ def _log_probability(
 ) -> float:
     """Log-probability of one noise hypothesis at the detection threshold."""
     interval_s = tag.pulse_intervals_s[0]
-    slot_s = _SLOT * tag.pulse_width_s
+    slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s
     intervals = max(1.0, 2.0 * tag.interval_uncertainty_s * pulses / slot_s)
-    rows = 2.0 * frequency_window_hz * tag.pulse_width_s / _ROW_BINS + 1.0
+    rows = 2.0 * frequency_window_hz * tag.pulse_width_s / MODEL.row_bins + 1.0
     alike = 1.55 + 2.42 * tag.interval_jitter_s / tag.pulse_width_s
     rates = len(tag.pulse_intervals_s)
-    count = _HYPOTHESES * _PATTERNS * phases * intervals * rows * rates / alike**2
+    count = MODEL.hypotheses * MODEL.patterns * phases * intervals * rows * rates / alike**2
     sag_slots = most_drift * pulses * interval_s / 4.0 / slot_s
     if sag_slots >= 1.0:
-        count *= 1.0 + sag_slots / _DRIFT_SLOTS
+        count *= 1.0 + sag_slots / MODEL.drift_slots
     return math.log(WHOLE_FLIGHT_FALSE_ALARM) - math.log(count)
 
 

@@ -333,6 +333,8 @@ class TimeKeeper:
             slope = float(centred @ (delay - mean_d)) / spread
             slope = min(max(slope, -_MAX_RATE_ERROR), SLOWEST_RATE)
             offset = mean_d - slope * mean_x
+        # No crystal makes the delay leap: the source is slow, or samples are lost.
+        offset = min(offset, self._model_s(pivot) + _FAR_S)
         self._offset_s, self._slope, self._pivot_s = offset, slope, pivot
 
 

@@ -103,7 +103,7 @@ def geotiff_raster(path: Path) -> Raster:
         )
         why = str(error) if readable else "its tags make no sense"
         raise FormatError(
-            f"{path.name} is no GeoTIFF, or cut off: {why}", remedy="Download it again"
+            f"{path.name} is not a GeoTIFF, or truncated: {why}", remedy="Download it again"
         ) from error
 
 

@@ -13,7 +13,8 @@ from some import some
 from uavrt.errors import PlanError
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
-from uavrt.guidance.plans import MARGIN_M, Go
+from uavrt.guidance.plans import Go
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut
 from uavrt.planning.actions import FlyTo
 from uavrt.planning.situation import Decision, Situation
@@ -141,7 +142,9 @@ def test_a_search_keeps_out_with_its_way_home(flavour: Flavour) -> None:
         way.append(vehicle.body.place_m)
     assert not vehicle.armed
     north, east = np.array(way).T
-    assert min(float(void.off_m(east, north).min()) for void in area.voids) > 0.3 * MARGIN_M
+    assert (
+        min(float(void.off_m(east, north).min()) for void in area.voids) > 0.3 * SAFETY.margin_m
+    )
     assert any("keep-out 'barn'" in note.reason for note in search.notes)
 
 

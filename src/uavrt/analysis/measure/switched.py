@@ -34,10 +34,10 @@ from uavrt.messages import Pose, PulsePose
 from uavrt.radio.opening import open_recording
 from uavrt.radio.sigmf import sigmf_global
 from uavrt.tangent_plane import TangentPlane
+from uavrt.units import SPEED_OF_LIGHT_M_S
 
 SWITCH_KEY = "uavrt:antenna_switch"
 """Key in the global part of the recording's metadata (docs/reference/formats.md)."""
-SPEED_OF_LIGHT_M_S = 299_792_458.0
 _EDGE = 0.1
 """Share of a pulse's width left out at each end: its start is known to 1 ms of 20."""
 _ONE_PLACE_M = 15.0

@@ -1,7 +1,7 @@
 """Search from anchors: cells strong enough to be a pulse of a group.
 
 Several tags are searched together: their cells and hypotheses form one long array, because a
-NumPy call costs more than the work of a single tag (docs/decisions/0147). A single search is a
+NumPy call costs more than the work of a single tag. A single search is a
 group of one.
 """
 

@@ -120,7 +120,7 @@ class Downloads:
         return None if self.current is None else asdict(self.current)
 
     async def _fetch(self, flight_id: str, everything: bool) -> None:
-        error: str | None = "stopped; what has come is kept"
+        error: str | None = "stopped; what has arrived is kept"
         try:
             async with self._asking:
                 tree = await self._client.tree(f"/{flight_id}")

@@ -17,6 +17,7 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.signing import Signing, SigningKey
+from uavrt.mavlink.waiting import within
 
 BEAT_S = 1.0
 OWN_COMPONENT = 197
@@ -74,16 +75,13 @@ class DroneFiles:
             await self._ways.close()
 
     async def _find(self, timeout_s: float) -> None:
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self._found.wait()
-        except TimeoutError:
+        if not await within(timeout_s, self._found.wait()):
             raise LinkError(
                 f"no drone was received in {timeout_s:g} s "
                 f"(MAVLink component {DRONE_COMPONENT})",
                 remedy="Check the drone's power and the radio, and that the autopilot "
                 "forwards MAVLink",
-            ) from None
+            )
 
     async def _compare(self, links: int) -> None:
         """Ping the drone by every link; take the one with the shortest round trip."""

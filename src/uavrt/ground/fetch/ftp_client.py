@@ -21,6 +21,7 @@ from uavrt.ground.fetch.same_flight import others, place_for
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.mavlink.waiting import within
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)
@@ -259,13 +260,7 @@ class FileClient:
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
         """Get the next reply; None if none came in time, even amid unrelated ones."""
         left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
-        if left_s <= 0.0:
-            return None
-        try:
-            async with asyncio.timeout(left_s):
-                return await self._replies.get()
-        except TimeoutError:
-            return None
+        return None if left_s <= 0.0 else await within(left_s, self._replies.get())
 
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
@@ -367,7 +362,7 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is no file", remedy="Remove it")
+        raise RecordingError(f"{part} is not a file", remedy="Remove it")
 
     def allow(size: int) -> None:
         listed = entry.size or 0

@@ -6,6 +6,7 @@ from uavrt.errors import LinkError
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.signing import Signing
+from uavrt.mavlink.waiting import within
 
 
 class DroneContact:
@@ -35,11 +36,8 @@ class DroneContact:
 
     async def wait(self, timeout_s: float) -> None:
         """Wait for the drone; raises `LinkError` when it is not received."""
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self.made.wait()
-        except TimeoutError:
-            raise self._missing() from None
+        if not await within(timeout_s, self.made.wait()):
+            raise self._missing()
 
     def _missing(self) -> LinkError:
         """Explain why there is no contact: the drone uses another key, or is absent."""

@@ -16,6 +16,7 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.parameters import decode_value
+from uavrt.mavlink.waiting import within
 
 TRIES = 5
 QUIET_S = 0.5
@@ -39,7 +40,7 @@ class DroneParameters:
         self._bytewise: bool | None = None
         self._heard_s = 0.0
         self._news = asyncio.Event()
-        self._answered: dict[str, int] = {}
+        self._awaited: dict[str, asyncio.Future[bool]] = {}
 
     def take(self, frame: Frame) -> None:
         """Handle a frame of the link."""
@@ -50,7 +51,8 @@ class DroneParameters:
                 self._raw[value.param_id] = (value.param_value, value.param_type)
                 self._indices.add(value.param_index)
                 self._count = value.param_count
-                self._answered[value.param_id] = self._answered.get(value.param_id, 0) + 1
+                if (answer := self._awaited.pop(value.param_id, None)) and not answer.done():
+                    answer.set_result(True)
             case dialect.AutopilotVersion() as version:
                 flag = MavProtocolCapability.PARAM_ENCODE_BYTEWISE
                 self._bytewise = bool(version.capabilities & flag)
@@ -82,15 +84,12 @@ class DroneParameters:
         """
         drone = self._drone()
         await self._learn_encoding(drone)
-        before = self._answered.get(name, 0)
         for _ in range(TRIES):
+            answer = self._awaited[name] = asyncio.get_running_loop().create_future()
             # Sealed for each try: a drone takes no seal twice.
             with suppress(LinkError):  # its session comes within a second
                 self._send(self._wish(name, value, drone))
-            deadline_s = monotonic_s() + self._wait_s
-            while self._answered.get(name, 0) == before and monotonic_s() < deadline_s:
-                await self._wait_for_news(deadline_s - monotonic_s())
-            if self._answered.get(name, 0) != before:
+            if await within(self._wait_s, answer):
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
                     raise CommandRefused(f"{name} stays {now:g}: see the drone's text")
@@ -146,11 +145,7 @@ class DroneParameters:
 
     async def _wait_for_news(self, timeout_s: float) -> None:
         self._news.clear()
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self._news.wait()
-        except TimeoutError:
-            return
+        await within(timeout_s, self._news.wait())
 
     def _value(self, name: str) -> float:
         field, kind = self._raw[name]

@@ -10,6 +10,7 @@ from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.drone_contact import DroneContact
 from uavrt.ground.link.parallel_links import Ways
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
+from uavrt.mavlink.waiting import within
 from uavrt.tunnel.codec import acked_command_of
 from uavrt.tunnel.motion import MotionState, is_confirmation, is_stop
 from uavrt.tunnel.private import MOTION_TYPE
@@ -123,18 +124,17 @@ class Exchange:
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
         """Send until an answer comes; return it with the number of the try, else None."""
-        for attempt in range(tries):
-            answer = self._awaited[key] = asyncio.get_running_loop().create_future()
-            try:
+        try:
+            for attempt in range(tries):
+                awaited = self._awaited[key] = asyncio.get_running_loop().create_future()
                 try:
                     send(attempt)
                 except LinkError:  # the drone's session comes within a second
                     if self._protocol.drone is None or attempt == tries - 1:
                         raise
-                async with asyncio.timeout(wait_s):
-                    return attempt, await answer
-            except TimeoutError:
+                if (answer := await within(wait_s, awaited)) is not None:
+                    return attempt, answer
                 self._protocol.counters["retries"] += 1
-            finally:
-                self._awaited.pop(key, None)
+        finally:
+            self._awaited.pop(key, None)
         return None

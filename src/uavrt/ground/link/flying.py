@@ -19,15 +19,16 @@ from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT, area_in, circle, keep_out_in
 from uavrt.guidance.mission import NOT_CHECKED_ABOARD, survey_items
-from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
+from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.plans import survey_places
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
 """Silence after which the drone's motion state is unknown; it comes once a second."""
-OFFER_NS = ns_from_s(OFFER_HOLDS_S)
+OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for a confirmation [ns]."""
 PATTERNS = ("lines", "around", "points")
 Places = tuple[tuple[float, float], ...]
@@ -216,7 +217,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
         (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
     )
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area is a name and a text")
+        raise FormatError("an area must be a name and a text")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
@@ -225,7 +226,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
         raise FormatError(
-            f"{name[:80]} keeps out of outlines with more than {2 * MOST_CORNERS} corners",
+            f"{name[:80]} excludes outlines with more than {2 * MOST_CORNERS} corners",
             remedy="Simplify them",
         )
     return {
@@ -246,7 +247,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
 def _request(wish: Any) -> MotionRequest:
     """Read a motion request of the page; raises `FormatError` or `UsageError`."""
     if not isinstance(wish, dict):
-        raise FormatError("a motion is an object")
+        raise FormatError("a motion must be an object")
     height = wish.get("height_m")
     pattern = wish.get("pattern", "lines")
     if pattern not in PATTERNS:
@@ -302,7 +303,7 @@ def places_in(given: Any) -> Places:
                 if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
                     places.append((float(north), float(east)))
                     continue
-        raise FormatError("places are latitude and longitude on earth")
+        raise FormatError("places must be latitudes and longitudes on earth")
     return tuple(places)
 
 

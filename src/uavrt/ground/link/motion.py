@@ -31,7 +31,7 @@ def motion_request(
     `**values`: further fields of `MotionRequest`.
     """
     if action not in MOTION_ACTIONS:
-        raise UsageError(f"{action[:40]!r} is no motion")
+        raise UsageError(f"{action[:40]!r} is not a motion")
     named: MotionAction = action
     return MotionRequest(
         request_id=new_number(),

@@ -20,7 +20,6 @@ from uavrt.messages import (
     FlightInfo,
     Health,
     Pose,
-    Poses,
     PulsePose,
     SearchReport,
     StatusText,
@@ -188,7 +187,7 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_COMES_WITHIN_S:
-            raise RecordingError("the burst that it belongs to has not come")
+            raise RecordingError("the burst that it belongs to has not arrived")
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")
@@ -197,7 +196,7 @@ class FlightKeeper:
     def add_pose(self, pose: Pose) -> None:
         """Add a pose of the vehicle."""
         if not self.ended and self._live.add_pose(pose):
-            self._record(lambda flight: flight.write_poses(Poses(poses=(pose,))))
+            self._record(lambda flight: flight.write(pose))
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> None:
         """Add whether the vehicle is armed and landed; only changes are written."""
@@ -208,19 +207,19 @@ class FlightKeeper:
         health = Health(
             process=GROUND_STATION, time_ns=time_ns, status="ready", ok=True, counters=counters
         )
-        self._record(lambda flight: flight.write_health(health))
+        self._record(lambda flight: flight.write(health))
 
     def add_search_report(self, report: SearchReport) -> None:
         """Add a search that found nothing."""
-        self._record(lambda flight: flight.write_search_report(report))
+        self._record(lambda flight: flight.write(report))
 
     def correct_tags(self, tags: tuple[Tag, ...]) -> None:
         """Continue with corrected values of the flight's tags."""
-        self._record(lambda flight: flight.write_tags(tags))
+        self._record(lambda flight: flight.write(*tags))
 
     def add_beep(self, beep: Beep) -> None:
         """Add a measurement of a sender of pulses."""
-        self._record(lambda flight: flight.write_beep(beep))
+        self._record(lambda flight: flight.write(beep))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
         """Add a text for the operator."""

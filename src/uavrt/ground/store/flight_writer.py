@@ -67,7 +67,7 @@ class FlightWriter:
         """Write a pulse or burst content into the flight in progress."""
         assert self._flight is not None
         if isinstance(item, PulsePose):
-            self._flight.write_pulse_poses([item])
+            self._flight.write_pulses([item])
         else:
             self._flight.write_inside(item)
         self._listed.append(item)

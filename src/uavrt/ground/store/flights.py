@@ -16,16 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, RecordingError, UsageError, os_errors_as
-from uavrt.ground.store.known_flights import FlightChoice, FlightSummary, KnownFlights
+from uavrt.ground.store.known_flights import (
+    FlightChoice,
+    FlightSummary,
+    keep_flights,
+    kept_flights,
+)
 from uavrt.localization.heard import Heard, PoseColumns, PulseColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.recording.flight_order import flown_name, order_noted
 from uavrt.recording.flight_reader import DAMAGED, ground_states_in
-from uavrt.recording.layout import FlightLayout, Stamp, stamp_of
-from uavrt.recording.places import GROUND_NOTE, Places, places_of, vehicle_of
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.outline import read_outline
+from uavrt.recording.places import Places, places_of
 from uavrt.recording.plain_database import open_plain
 from uavrt.recording.quiet_noise import read_quiet_noise_db, usual_noise_db
-from uavrt.recording.schema import POSE_COLUMNS, TAG_COLUMNS, pose_row, read_older, tag_from_row
+from uavrt.recording.schema import POSE_COLUMNS, pose_row, read_older
+from uavrt.recording.stamped import Stamped
 
 CHUNK = 4000
 LAST_NS = 2**63
@@ -160,8 +167,10 @@ class FlightLibrary:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        self._known = KnownFlights(directory / "flight_list.json")
-        self._quiet: dict[str, tuple[Stamp, float | None]] = {}
+        self._list = directory / "flight_list.json"
+        self._known = Stamped(self._read_summary, kept_flights(self._list))
+        self._kept = dict(self._known.kept)
+        self._quiet = Stamped(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
         """Get all flights, newest first; unreadable ones are left out.
@@ -171,19 +180,14 @@ class FlightLibrary:
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:
-                known = self._known.get(entry.name, stamp_of(entry.path))
-                if known is not None:
-                    found.append(_starred(known, entry.path))
-                    continue
                 with suppress(FormatError, UsageError, OSError):
-                    found.append(self.summary(entry.name))
+                    found.append(self._summary(entry.name))
         noted = order_noted(self.directory)
 
         def age(flight: FlightSummary) -> tuple[int, int]:
             return noted.get(flown_name(flight.flight_id), -1), flight.start_time_ns
 
-        with suppress(OSError):
-            self._known.write({flight.flight_id for flight in found})
+        self._keep({flight.flight_id for flight in found})
         return sorted(found, key=age, reverse=True)
 
     def find(
@@ -212,41 +216,36 @@ class FlightLibrary:
 
     def summary(self, flight_id: str) -> FlightSummary:
         """Get one line of the list; raises `UsageError` or `FormatError`."""
-        path = str(self.path(flight_id))
-        stamp = stamp_of(path)
-        if (known := self._known.get(flight_id, stamp)) is not None:
-            return _starred(known, path)
-        with self._database(flight_id) as database:
-            row = database.execute("SELECT start_time_ns FROM flight").fetchone()
-            if row is None:
-                raise FormatError(f"{flight_id} was cut off before it began")
-            count, last = database.execute(
-                "SELECT count(*), max(end_time_ns) FROM pulses"
-            ).fetchone()
-            last_pose = database.execute("SELECT max(time_ns) FROM poses").fetchone()[0]
-            columns = TAG_COLUMNS
-            tags = database.execute(f"SELECT {columns} FROM tags ORDER BY tag_id").fetchall()
-            ours = database.execute(
-                "SELECT count(*) FROM notes WHERE text = ?", (GROUND_NOTE,)
-            ).fetchone()[0]
-            vehicles = database.execute(
-                "SELECT time_ns, text FROM notes WHERE text LIKE 'vehicle %' ORDER BY time_ns"
-            ).fetchall()
-            start_ns = int(row[0])
-            end_ns = max(start_ns, int(last or 0), int(last_pose or 0))
-            if not -LAST_NS <= start_ns <= end_ns < LAST_NS:
-                raise FormatError(f"{flight_id} has times that are none")
-            summary = FlightSummary(
-                flight_id=flight_id,
-                start_time_ns=start_ns,
-                end_time_ns=end_ns,
-                pulses=count,
-                tags=tuple(map(tag_from_row, tags)),
-                source="ground" if ours else "drone",
-                vehicle=vehicle_of(vehicles),
-            )
-        self._known.put(summary, stamp)
-        return _starred(summary, path)
+        self.path(flight_id)
+        return self._summary(flight_id)
+
+    def _summary(self, flight_id: str) -> FlightSummary:
+        place = f"{self.directory}/{flight_id}"
+        flight = self._known.get(place)
+        starred = os.path.exists(f"{place}/starred")  # as it is now
+        return flight if flight.starred == starred else replace(flight, starred=starred)
+
+    def _keep(self, flight_ids: set[str]) -> None:
+        """Keep what is known of these flights, if it has changed, and forget others."""
+        known = self._known.kept
+        for place in known.keys() - {f"{self.directory}/{one}" for one in flight_ids}:
+            known.pop(place, None)
+        if known != self._kept:
+            self._kept = dict(known)
+            with suppress(OSError):
+                keep_flights(self._list, self._kept.values())
+
+    def _read_summary(self, place: str) -> FlightSummary:
+        outline = read_outline(place)
+        return FlightSummary(
+            flight_id=os.path.basename(place),
+            start_time_ns=outline.info.start_time_ns,
+            end_time_ns=outline.end_time_ns,
+            pulses=outline.all_pulses,
+            tags=outline.info.tags,
+            source="ground" if outline.of_ground else "drone",
+            vehicle=outline.vehicle,
+        )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
         """Read the idle noise of a vehicle's receiver in its past flights [dB].
@@ -261,15 +260,10 @@ class FlightLibrary:
         return usual_noise_db(self._quiet_noise_db(one.flight_id) for one in flights)
 
     def _quiet_noise_db(self, flight_id: str) -> float | None:
-        path = self.directory / flight_id
-        stamp = stamp_of(str(path))
-        read = self._quiet.get(flight_id)
-        if read is None or read[0] != stamp:
-            try:
-                read = self._quiet[flight_id] = (stamp, read_quiet_noise_db(path))
-            except FormatError:  # damaged, or only busy: read again next time
-                return None
-        return read[1]
+        try:
+            return self._quiet.get(f"{self.directory}/{flight_id}")
+        except FormatError:  # damaged, or only busy: read again next time
+            return None
 
     def places(self, flight_id: str) -> Places:
         """Get the take-off position and the marks of a flight; raises as `summary`."""
@@ -395,12 +389,6 @@ def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
     """True if a flight may belong to this vehicle."""
     number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
     return None in (number, system_id) or number == str(system_id)
-
-
-def _starred(flight: FlightSummary, path: str) -> FlightSummary:
-    """Add a flight's present star."""
-    starred = os.path.exists(f"{path}/starred")
-    return flight if flight.starred == starred else replace(flight, starred=starred)
 
 
 def known(value: float) -> float | None:

@@ -3,6 +3,7 @@
 Reading thousands of databases takes seconds; this file can be deleted at any time.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,37 +60,17 @@ class _Kept(msgspec.Struct, frozen=True):
     flights: list[tuple[Stamp, FlightSummary]]
 
 
-class KnownFlights:
-    """Summaries, each with the state of its flight's files when it was made."""
+def kept_flights(path: Path) -> dict[str, tuple[Stamp, FlightSummary]]:
+    """Read what an earlier run knew of the flights beside a file, by directory."""
+    try:
+        kept = read_record(path, _Kept)
+    except (OSError, FormatError):
+        return {}
+    flights = kept.flights if kept.version == _VERSION else []
+    return {f"{path.parent}/{one[1].flight_id}": one for one in flights}
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._flights: dict[str, tuple[Stamp, FlightSummary]] = {}
-        self._changed = False
-        try:
-            kept = read_record(path, _Kept)
-        except (OSError, FormatError):
-            return
-        if kept.version == _VERSION:
-            self._flights = {one[1].flight_id: one for one in kept.flights}
 
-    def get(self, flight_id: str, stamp: Stamp) -> FlightSummary | None:
-        """Get the cached summary of a flight; None if its files have changed."""
-        found = self._flights.get(flight_id)
-        return found[1] if found is not None and found[0] == stamp else None
-
-    def put(self, summary: FlightSummary, stamp: Stamp) -> None:
-        """Store the summary of a flight."""
-        self._flights[summary.flight_id] = (stamp, summary)
-        self._changed = True
-
-    def write(self, flight_ids: set[str]) -> None:
-        """Write the summaries of these flights if any has changed; drop all others."""
-        gone = self._flights.keys() - flight_ids
-        if not self._changed and not gone:
-            return
-        for flight_id in gone:
-            self._flights.pop(flight_id, None)
-        self._changed = False
-        content = msgspec.json.encode(_Kept(_VERSION, list(self._flights.values())))
-        write_atomically(self._path, content, sync=False)
+def keep_flights(path: Path, flights: Iterable[tuple[Stamp, FlightSummary]]) -> None:
+    """Keep what is known of flights over a restart; raises `OSError`."""
+    content = msgspec.json.encode(_Kept(_VERSION, list(flights)))
+    write_atomically(path, content, sync=False)

@@ -358,7 +358,7 @@ def _receiver(text: str) -> str:
         return str(parse_address(text, baud=BAUD)) if text else ""
     except ConfigError as error:
         raise UsageError(
-            f"{text[:60]!r} is no address of a GPS receiver",
+            f"{text[:60]!r} is not the address of a GPS receiver",
             remedy="Write serial:///dev/ttyACM0, udpin://127.0.0.1:10110 or tcp://HOST:PORT",
         ) from error
 

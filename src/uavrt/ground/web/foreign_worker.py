@@ -54,17 +54,24 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process; raises `UavrtError` or `CommandRefused`."""
+        """Call a function in the process; raises `UavrtError` or `CommandRefused`.
+
+        Where this is cancelled, as when the station ends, the process is ended.
+        """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"
             )
         self._waiting += 1
         try:
-            loop = asyncio.get_running_loop()
-            return await loop.run_in_executor(
-                self._threads, lambda: self.result(function, *arguments)
-            )
+            answer = self._threads.submit(self.result, function, *arguments)
+            try:
+                return await asyncio.wrap_future(answer)
+            except asyncio.CancelledError:
+                while not answer.done():  # the program's end would wait for it
+                    self.close()
+                    await asyncio.sleep(0.01)
+                raise
         finally:
             self._waiting -= 1
 
@@ -91,7 +98,6 @@ class ForeignWorker:
     def close(self) -> None:
         """End the process; the next call starts another."""
         self._end()
-        self._process, self._end = None, _nothing
 
     def _running(self) -> "subprocess.Popen[bytes]":
         if self._process is None or self._process.poll() is not None:

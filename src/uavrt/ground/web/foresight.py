@@ -92,7 +92,7 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
     """Points of a path or of an outline, and the spacing of the lines over it."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
-        raise FormatError("a plan is either a way or an outline")
+        raise FormatError("a plan must be either a path or an outline")
     given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
     if not isinstance(given, list) or not least <= len(given) <= most:
         raise FormatError(f"a plan has {least} to {most} places")

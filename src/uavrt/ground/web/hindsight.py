@@ -82,11 +82,11 @@ class SilenceDesk(MapDesk[Silence, "SilentMap"]):
 
         found = self.found(asked)
         if found is None:
-            raise UsageError("the map is not there yet", remedy="Ask for it first")
+            raise UsageError("the map is not ready yet", remedy="Request it first")
         if found.ambiguous:
             raise UsageError(
-                f"a train on the frequency of tag {asked.tag_id} may be its own: it cannot be "
-                "said to be silent"
+                f"a train on the frequency of tag {asked.tag_id} may be its own, "
+                "so it may not be silent"
             )
         if found.heard:
             raise UsageError(

@@ -5,6 +5,8 @@ turn in place. A tag's value is limited to the information still needed to find 
 give more gain nothing.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,35 +27,45 @@ from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
-_SAMPLES = 8
-"""Samples of each path, each for the pulses around it."""
-_TURN_S = 2.0
-"""Approximate time of a turn before a path of the round."""
-_FINISHED = 0.1
-"""Share of a tag's needed information below which the round skips it."""
-_DIRECTIONS = 16
-"""Number of evenly spread directions of paths that lead to no tag."""
-_HORIZONS = (1.0, 3.0)
-"""Lengths of the paths that lead to no tag [cycles]."""
-_HYPOTHESES = 48
-"""Number of hypotheses of each tag by which a path is rated."""
-_CONVEX, _LINEAR = 8.0, 0.002
-"""Value of a path: this power of the share of the needed information that it gives, plus this
-factor times the share. Finishing one tag then counts for more than beginning two; the
-second term decides while no tag is nearly found."""
-_STAY_S = 4.0
-"""Time spent at the end of a path to a tag [s]."""
-_EXPLORE_NATS = 2.5
-"""All directions and a turn are rated while every tag needs more information than this."""
-_CONSTANCY = 0.15
-"""Share by which another tag must give a higher rate than the present one before the drone
-changes to it, while it keeps away from animals or drones; each refused path changes rates."""
-_LISTENS_NATS = 1.5
-"""Least information on an animal that may be near for which alone a turn is made."""
-_NEAR = 0.25
-"""Lowest probability of a near animal at which the drone leaves instead of turning."""
-_VAGUE = 1.5
-"""Factor on the distance to keep: a turn locates only tags whose clouds are wider."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PathRating:
+    """Constants by which candidate paths are made and rated."""
+
+    samples: int = 8
+    """Points of a path; each stands for the pulses around it."""
+    directions: int = 16
+    """Number of evenly spread directions of paths that lead to no tag."""
+    horizons_cycles: tuple[float, ...] = (1.0, 3.0)
+    """Lengths of the paths that lead to no tag [cycles]."""
+    hypotheses: int = 48
+    """Number of hypotheses of each tag by which a path is rated."""
+    turn_s: float = 2.0
+    """Approximate time to turn before a path of the round [s]."""
+    stay_s: float = 4.0
+    """Time spent at the end of a path to a tag [s]."""
+    finished_share: float = 0.1
+    """Share of the information that a tag needs below which the round passes it."""
+    # Value of a path: a power of the share of the needed information that it gives, plus a
+    # factor times the share. Finishing one tag then counts for more than beginning two; the
+    # second term decides while no tag is nearly found.
+    value_power: float = 8.0
+    value_linear: float = 0.002
+    explore_nats: float = 2.5
+    """All directions and a turn are rated while every tag needs more information than this."""
+    change_gain: float = 0.15
+    """Share by which the rate of another tag must be higher before the drone changes to it,
+    while it keeps away from animals or drones; each refused path changes rates."""
+    turn_nats: float = 1.5
+    """Least information on an animal that may be near for which alone a turn is made."""
+    near_probability: float = 0.25
+    """Lowest probability of a near animal at which the drone leaves instead of turning."""
+    vague_factor: float = 1.5
+    """Factor on the distance to keep: a turn locates only tags whose clouds are wider."""
+
+
+_RATING = _PathRating()
 
 
 class MiRate:
@@ -109,7 +121,7 @@ class MiRate:
             rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
         goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
         alone = situation.keep_away is None and situation.others is None
-        more = 0.0 if alone else _CONSTANCY
+        more = 0.0 if alone else _RATING.change_gain
         kept = rate * np.where(goes_on, 1.0 + more, 1.0)
         best = int(np.argmax(np.where(allowed, kept, -np.inf)))
         self._goal = goals[best]
@@ -147,7 +159,9 @@ class MiRate:
             after = (cloud.east_m2 + grown) * (cloud.north_m2 + grown) - cloud.product_m2**2
             lost = 0.5 * np.log(after / max(cloud.determinant_m4, 1.0))
             share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
-            out[number] = np.maximum(share, 0.0) ** _CONVEX + _LINEAR * share
+            out[number] = (
+                np.maximum(share, 0.0) ** _RATING.value_power + _RATING.value_linear * share
+            )
         return out
 
     def _with_round(
@@ -168,7 +182,7 @@ class MiRate:
         rule, speed = situation.keep_away, situation.vehicle.speed_m_s
         nearer = 0.0 if rule is None else rule.margin * rule.radius_m
         left = chance[:, None] * (1.0 - np.clip(worth, 0.0, 1.0))
-        seen = left < _FINISHED
+        seen = left < _RATING.finished_share
         x, y = legs.east_m[:, -1], legs.north_m[:, -1]
         gained, time = chance @ worth, spans_s
         ways = np.arange(len(spans_s))
@@ -178,7 +192,7 @@ class MiRate:
             near = np.argmin(off, axis=0)
             goes = ~seen[near, ways]
             there = np.maximum(np.where(goes, off[near, ways], 0.0) - nearer, 0.0) / speed
-            time = time + np.where(goes, there + _STAY_S + _TURN_S, 0.0)
+            time = time + np.where(goes, there + _RATING.stay_s + _RATING.turn_s, 0.0)
             gained = gained + np.where(goes, left[near, ways], 0.0)
             x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
             seen[near, ways] = True
@@ -190,9 +204,9 @@ class MiRate:
         """Candidate paths, their times, samples, and target tags; the turn comes last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
-        horizons = _HORIZONS if exploring else ()
-        ends = [headings(situation, _DIRECTIONS, reach * n) for n in horizons]
-        goals: list[int | None] = [None] * (_DIRECTIONS * len(horizons))
+        horizons = _RATING.horizons_cycles if exploring else ()
+        ends = [headings(situation, _RATING.directions, reach * n) for n in horizons]
+        goals: list[int | None] = [None] * (_RATING.directions * len(horizons))
         for belief in situation.wanted:
             towards = self._towards(situation, belief)
             ends += towards
@@ -202,7 +216,7 @@ class MiRate:
         useful = far > 0.2 * reach
         if not exploring and not useful.any():
             # At the only tag: on, in whatever direction.
-            more = headings(situation, _DIRECTIONS, reach)
+            more = headings(situation, _RATING.directions, reach)
             east, north = np.append(east, more[0]), np.append(north, more[1])
             goals += [None] * len(more[0])
             useful = np.append(useful, np.ones(len(more[0]), bool))
@@ -213,12 +227,12 @@ class MiRate:
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
         # At a tag it stays for some pulses: the last metres give most.
-        fixed = _DIRECTIONS * len(horizons)
-        staying = np.where(np.flatnonzero(useful) >= fixed, _STAY_S, 0.0)
+        fixed = _RATING.directions * len(horizons)
+        staying = np.where(np.flatnonzero(useful) >= fixed, _RATING.stay_s, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
-        legs = sampled(situation, east, north, spans, _SAMPLES)
+        legs = sampled(situation, east, north, spans, _RATING.samples)
         if exploring and self._turns(situation):
-            legs = joined_rows([legs, turning(state, 360.0, self._rotation_s, _SAMPLES)])
+            legs = joined_rows([legs, turning(state, 360.0, self._rotation_s, _RATING.samples)])
             spans = np.append(spans, self._rotation_s)
         goals = [one for one, fits in zip(goals, useful, strict=True) if fits]
         return ways, spans, legs, goals + [None] * (len(spans) - len(goals))
@@ -246,7 +260,7 @@ class MiRate:
         again and again, while they walk and none is finished.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
-        return needed > _EXPLORE_NATS
+        return needed > _RATING.explore_nats
 
     def _may_stay(self, situation: Situation) -> bool:
         return here(situation).refused[0] is None
@@ -280,16 +294,20 @@ class MiRate:
                 reason="every path leads too close to an animal",
             )
         near = 1.0 - float(stay.kept[0])
-        if not _by_animals(stay.refused[0]) or near > _NEAR or not self._turns(situation):
+        if (
+            not _by_animals(stay.refused[0])
+            or near > _RATING.near_probability
+            or not self._turns(situation)
+        ):
             return None
         rule = situation.keep_away
         assert rule is not None
-        turn = turning(situation.state, 360.0, self._rotation_s, _SAMPLES)
+        turn = turning(situation.state, 360.0, self._rotation_s, _RATING.samples)
         clouds = np.array([one.spread().rms_m for one in situation.wanted])
-        vague = clouds > _VAGUE * rule.margin * rule.radius_m
+        vague = clouds > _RATING.vague_factor * rule.margin * rule.radius_m
         nats = np.where(vague, self._nats(situation, turn)[:, 0], 0.0)
         most = int(np.argmax(nats))
-        if nats[most] < _LISTENS_NATS:
+        if nats[most] < _RATING.turn_nats:
             return None
         return Decision(
             action=Rotate(duration_s=self._rotation_s),
@@ -306,7 +324,11 @@ class MiRate:
         drones = situation.others
         others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(
-            situation.wanted, legs, situation.listener, hypotheses=_HYPOTHESES, others=others
+            situation.wanted,
+            legs,
+            situation.listener,
+            hypotheses=_RATING.hypotheses,
+            others=others,
         )
 
 

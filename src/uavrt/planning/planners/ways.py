@@ -177,18 +177,3 @@ def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
         north_m=legs.north_m[numbers],
         yaw_deg=legs.yaw_deg[numbers],
     )
-
-
-def stacked(*legs: Legs) -> Legs:
-    """Join several sets of paths with equal numbers of samples."""
-
-    def joined(name: str) -> _Floats:
-        return np.concatenate([getattr(one, name) for one in legs])
-
-    return Legs(
-        duration_s=joined("duration_s"),
-        time_s=joined("time_s"),
-        east_m=joined("east_m"),
-        north_m=joined("north_m"),
-        yaw_deg=joined("yaw_deg"),
-    )
