@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -29,7 +29,7 @@ from uavrt.localization.heard import Heard
 from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
 from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
 from uavrt.localization.results import PositionMethod
-from uavrt.messages import Pulse, PulsePose, Tag
+from uavrt.messages import Pose, Pulse, PulsePose, Tag
 from uavrt.recording.flight_reader import Flight, read_flight
 from uavrt.recording.integrated import IntegratedVerdict
 from uavrt.recording.layout import FlightLayout
@@ -282,14 +282,8 @@ def _pose_rows(task: FlightTask, posed: Sequence[PulsePose]) -> list[PoseRow]:
             recording=recording_of.get(one.pulse.key, task.path),
             tag_id=one.pulse.tag_id,
             start_time_ns=one.pulse.start_time_ns,
-            time_ns=one.pose.time_ns,
-            latitude_deg=one.pose.latitude_deg,
-            longitude_deg=one.pose.longitude_deg,
-            altitude_amsl_m=one.pose.altitude_amsl_m,
-            altitude_relative_m=one.pose.altitude_relative_m,
             yaw_deg=yaw_deg(one.pose.quaternion_wxyz),
-            quaternion_wxyz=one.pose.quaternion_wxyz,
-            extrapolated=one.pose.extrapolated,
+            **{field.name: getattr(one.pose, field.name) for field in fields(Pose)},
         )
         for one in posed
         if one.pose is not None

@@ -34,12 +34,7 @@ def is_url(text: str) -> bool:
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """Get all files at and below a place.
-
-    Raises `FormatError`: there is nothing.
-    Raises `StoreError`: the store does not answer.
-    Raises `UsageError`: a package for this kind of store is missing.
-    """
+    """Files at and below a place; raises `FormatError` if none, `StoreError`, `UsageError`."""
     with _asked(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)

@@ -456,7 +456,6 @@ def _segments(
     `n` (slots,): number of slots in each mean.
 
     `circular`: the last band is adjacent to the first.
-
     Returns (bands, slots): the mean of each band's segment.
     """
     count, slots = ratio.shape
