@@ -39,6 +39,29 @@ BATTERY_S = 1.0
 """Between two looks at what is left."""
 
 
+class _BatteryWatch:
+    """Looks now and then at what is left in the battery."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._looked_s = 0.0
+        self._reported = False
+
+    def due(self, now: VehicleNow) -> bool:
+        """Whether it is time to look."""
+        due = now.time_s >= self._looked_s + BATTERY_S
+        self._looked_s = now.time_s if due else self._looked_s
+        return due
+
+    def reason(self, now: VehicleNow) -> str | None:
+        """Why the battery calls home: for what is left in it, or for its silence."""
+        if now.battery_percent is not None:
+            self._reported = True
+        elif self._reported and self._limits.battery_wh is not None:
+            return "the battery is no longer reported"
+        return must_return(now, self._limits)
+
+
 class Pilot:
     """Flies one order.
 
@@ -66,8 +89,7 @@ class Pilot:
         home, which may climb into that of another, begins only there."""
         self._asks = False
         """Nothing but holding is right until the operator decides."""
-        self._battery_s = 0.0
-        self._battery_told = False
+        self._battery = _BatteryWatch(limits)
         self._sent = self._refused_before = 0
         self._failed: str | None = None
         """Why it is cut short."""
@@ -238,9 +260,8 @@ class Pilot:
             return None  # a take-off ends where it hovers, and says no more
         if self._failed is not None:
             return self._home(self._failed)
-        if now.time_s >= self._battery_s + BATTERY_S:
-            self._battery_s = now.time_s
-            reason = self._battery_reason(now)
+        if self._battery.due(now):
+            reason = self._battery.reason(now)
             if reason is not None:
                 return self._home(reason)
             apart = map_fault(now, limits)
@@ -263,14 +284,6 @@ class Pilot:
         elif now.time_s - self._holding_s >= limits.return_after_s:
             return self._home("the link to the ground stays lost")
         return None
-
-    def _battery_reason(self, now: VehicleNow) -> str | None:
-        """Why the battery calls home: for what is left in it, or for its silence."""
-        if now.battery_percent is not None:
-            self._battery_told = True
-        elif self._battery_told and self._limits.battery_wh is not None:
-            return "the battery is no longer reported"
-        return must_return(now, self._limits)
 
     def _stop_at(self, now: VehicleNow) -> Go:
         """Where it comes to a stand on its way."""
