@@ -38,7 +38,7 @@ class _BatteryWatch:
     def due(self, now: VehicleNow) -> bool:
         """Whether a check is due."""
         due = now.time_s >= self._checked_s + SAFETY.battery_s
-        self._checked_s = now.time_s if due else self._looked_s
+        self._checked_s = now.time_s if due else self._checked_s
         return due
 
     def reason(self, now: VehicleNow) -> str | None:
