@@ -18,7 +18,7 @@ from uavrt.cli.progress import progress_bar
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.cli.words import counted
 from uavrt.clock import cpu_s, iso_utc
-from uavrt.errors import ConfigError, TagFileError, UavrtError
+from uavrt.errors import ConfigError, TagFileError, UavrtError, os_errors_as
 from uavrt.foreign import TAGS, read_file
 
 if TYPE_CHECKING:
@@ -221,13 +221,12 @@ def _databases(path: Path) -> dict[str, str]:
     """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` in its folder, by name."""
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
-        try:
+        with os_errors_as(
+            ConfigError,
+            f"cannot read {one}",
+            "TagTracker keeps TagInfo.db and TagManufacturer.db together",
+        ):
             files[one.name] = read_file(one, TAGS).decode("utf-8-sig", "replace")
-        except OSError as error:
-            raise ConfigError(
-                f"cannot read {one}: {error.strerror}",
-                remedy="TagTracker keeps TagInfo.db and TagManufacturer.db together",
-            ) from error
     return files
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.errors import LinkError, RecordingError
+from uavrt.errors import LinkError, RecordingError, os_errors_as
 from uavrt.ground.fetch.same_flight import others, place_for
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.discovery import Peer
@@ -374,7 +374,7 @@ async def fetch_file(
             )
         _require_free(part, size - (_size(part) or 0))
 
-    try:
+    with os_errors_as(RecordingError, f"cannot write {place}", "Give another place with -o"):
         await asyncio.to_thread(place.parent.mkdir, parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0
@@ -388,10 +388,6 @@ async def fetch_file(
                 await asyncio.to_thread(part.replace, free)
                 return True
             part.unlink()
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {place}: {error.strerror}", remedy="Give another place with -o"
-        ) from error
     raise RecordingError(
         f"{entry.path} is different each time it is read",
         remedy="It is still being written; stop the detection and fetch it again",

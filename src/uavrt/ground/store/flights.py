@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError, os_errors_as
 from uavrt.ground.store.known_flights import (
     FlightChoice,
     FlightSummary,
@@ -372,16 +372,15 @@ def _columns(
 
 
 def _mark(star: Path, starred: bool) -> None:
-    try:
+    with os_errors_as(
+        RecordingError,
+        f"cannot change {star}",
+        "Check who owns the flight's directory, and what is in it",
+    ):
         if starred:
             star.touch()
         else:
             star.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot change {star}: {error.strerror}",
-            remedy="Check who owns the flight's directory, and what is in it",
-        ) from error
 
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:

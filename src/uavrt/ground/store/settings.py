@@ -15,7 +15,7 @@ from uavrt.commands import Generation
 from uavrt.config.parameters import check_start
 from uavrt.config.tag_corrections import TagCorrection, standing_corrections
 from uavrt.config.tag_files import write_tags
-from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
+from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError, os_errors_as
 from uavrt.foreign import OWN, decode_record, read_file, read_record
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.store.tag_table import read_table
@@ -116,14 +116,13 @@ class GroundStore:
         self.system_id: int | None = system_id
         self.own = directory if system_id is None else directory / "vehicles" / str(system_id)
         """Where the small files are, and what is known of received pulses."""
-        try:
+        with os_errors_as(
+            ConfigError,
+            f"cannot store flights in {directory}",
+            "Give a writable directory with -o",
+        ):
             self.own.mkdir(parents=True, exist_ok=True)
             (directory / "maps").mkdir(exist_ok=True)
-        except OSError as error:
-            raise ConfigError(
-                f"cannot store flights in {directory}: {error.strerror}",
-                remedy="Give a writable directory with -o",
-            ) from error
         self._behind = False
         kept = self._read()
         current = kept.get("current_flight")
@@ -291,13 +290,12 @@ class GroundStore:
 
     def _write_text(self, text: str) -> None:
         path = self.own / "ground.json"
-        try:
+        with os_errors_as(
+            ConfigError,
+            f"cannot write {path}",
+            "Free space on the disk, or give a writable directory with -o",
+        ):
             write_atomically(path, text)
-        except OSError as error:
-            raise ConfigError(
-                f"cannot write {path}: {error.strerror}",
-                remedy="Free space on the disk, or give a writable directory with -o",
-            ) from error
 
 
 def _numbers(kept: object) -> tuple[int, ...]:

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from uavrt.atomic_file import make_directories, write_atomically
-from uavrt.errors import RecordingError
+from uavrt.errors import RecordingError, os_errors_as
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
@@ -13,11 +13,8 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
     Raises `RecordingError` if the disk is full, read-only or forbidden; the old file is
     untouched.
     """
-    try:
+    with os_errors_as(
+        RecordingError, f"cannot write {path}", "Choose a writable place with free space"
+    ):
         make_directories(Path(path).parent)
         write_atomically(Path(path), content)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {path}: {error.strerror}",
-            remedy="Choose a writable place with free space",
-        ) from error
