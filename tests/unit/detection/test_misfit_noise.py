@@ -193,7 +193,10 @@ def test_the_threshold_is_found_within_a_few_groups_where_coloured_noise_begins(
     null = lattices()
     null.coloured = coloured
     rng = np.random.default_rng(7)
+
+    def group(_lows: NDArray[np.intp], _shorter: int) -> bool:
+        return bool(rng.random() < 0.64 * 0.5 ** (25.0 * null.factor(25.0) - 25.0))
+
     for _ in range(4):
-        share = 0.08 * 8.0 * 0.5 ** (25.0 * null.factor(25.0) - 25.0)
-        null.count(1000, lambda _lows, _shorter, share=share: rng.random() < share)
+        null.count(1000, group)
     assert least <= 25.0 * null.factor(25.0) - 25.0 <= most
