@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from uavrt.supervisor.tree.shapes import SHAPES
 
 SOURCE = Path(__file__).parents[2] / "src/uavrt"
@@ -34,6 +36,17 @@ TYPED = (
     "tunnel",
 )
 """Packages in which a record is a dataclass."""
+
+NUMBERS = {
+    "detection": 440,
+    "localization": 229,
+    "integration": 106,
+    "planning": 22,
+    "guidance": 20,
+}
+"""Most numbers in modules and classes that are no frozen record; fewer is better."""
+PROTOCOL = ("guidance/mission.py", "guidance/plan_file.py")
+"""Modules whose numbers are those of MAVLink and of QGroundControl's plans."""
 
 
 @cache
@@ -130,3 +143,40 @@ def test_the_contract_of_independence_names_every_process() -> None:
     processes = {module for module in rows if module.startswith("uavrt.processes.")}
     made_of_others = {"uavrt.processes.chain"}
     assert set(independent["modules"]) == processes - made_of_others
+
+
+def numbers_in(body: list[ast.stmt]) -> Iterator[str]:
+    """Names that are set to numbers alone, also in classes that are no dataclass."""
+    for node in body:
+        if isinstance(node, ast.ClassDef) and not node.decorator_list:
+            yield from numbers_in(node.body)
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and is_number(node.value):
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            yield from map(
+                ast.unparse, target.elts if isinstance(target, ast.Tuple) else [target]
+            )
+
+
+def is_number(value: ast.expr | None) -> bool:
+    nodes = [] if value is None else list(ast.walk(value))
+    constants = [node.value for node in nodes if isinstance(node, ast.Constant)]
+    names = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return (
+        bool(constants) and names <= {"np", "math"} and {*map(type, constants)} <= {int, float}
+    )
+
+
+@pytest.mark.parametrize("package", NUMBERS)
+def test_numbers_stand_in_frozen_records(package: str) -> None:
+    found = [
+        f"{path.relative_to(SOURCE)}: {name}"
+        for path in sorted((SOURCE / package).rglob("*.py"))
+        if path.relative_to(SOURCE).as_posix() not in PROTOCOL
+        for name in numbers_in(ast.parse(path.read_text()).body)
+    ]
+    assert len(found) <= NUMBERS[package], "put new ones into the record of their stage"
+
+
+def test_what_counts_as_a_number() -> None:
+    text = "A, B = 1.0, -2\nC: T = np.log(np.array([2.0]))\nD = A * 2.0\nclass E:\n    F = 3\n"
+    assert list(numbers_in(ast.parse(text).body)) == ["A", "B", "C", "F"]
