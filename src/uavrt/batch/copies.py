@@ -80,10 +80,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Remove results of copies whose flight is placed now.
-
-    Raises `OSError`: the directory cannot be written.
-    """
+    """Remove results of copies whose flight is placed now; raises `OSError`."""
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():
         of_itself = row.state == "recorded"

@@ -100,10 +100,7 @@ def folder_for(directory: Path, flight: str) -> Path:
 
 
 def flights_in(archive: Path) -> list[str]:
-    """Names of the flights that have pulses.
-
-    Raises `FormatError`: there is no archive.
-    """
+    """Names of the flights that have pulses; raises `FormatError` if there is no archive."""
     rows = ask(archive, "SELECT DISTINCT flight FROM pulses ORDER BY flight")
     names: list[str] = rows["flight"].to_pylist()
     return names

@@ -114,10 +114,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 
 
 def write_index(output: Path, index: Index) -> None:
-    """Write the list of copies, and remove others.
-
-    Raises `OSError`: the directory cannot be written.
-    """
+    """Write the list of copies, and remove others; raises `OSError`."""
     write_note(output / INDEX, msgspec.json.encode(index))
     for folder, _, names in os.walk(output / MONTHS):
         for path in (Path(folder, name) for name in names):

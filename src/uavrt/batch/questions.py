@@ -79,7 +79,7 @@ def ask(archive: Path, question: str) -> "pa.Table":
         _make_views(connection, archive, question)
         answer = connection.sql(question)
         if answer is None:
-            raise UsageError("that is no question", remedy="Begin it with SELECT")
+            raise UsageError("this is not an SQL query", remedy="Begin it with SELECT")
         return _in_utc(answer.to_arrow_table())
 
     return in_archive(archive, query)
@@ -98,10 +98,7 @@ def _in_utc(answer: "pa.Table") -> "pa.Table":
 
 
 def check_archive(archive: Path) -> None:
-    """Reject a directory that no batch has written to.
-
-    Raises `FormatError`: there is no table of recordings.
-    """
+    """Reject a directory that no batch has written to; raises `FormatError`."""
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
             f"{archive} holds no {RECORDINGS}",
@@ -128,7 +125,7 @@ def in_archive(
     def checked(connection: "duckdb.DuckDBPyConnection") -> T:
         rows, size_bytes = connection.sql(size).fetchall()[0]
         if rows > size_bytes:  # a batch writes the path of each
-            raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows of nothing")
+            raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows without columns")
         return query(connection)
 
     try:

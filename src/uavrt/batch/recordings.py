@@ -54,11 +54,7 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording.
-
-        Raises `FormatError`: it cannot be read, or differs from its description.
-        Raises `StoreError`: its store does not answer.
-        """
+        """Open the recording; raises `FormatError`, or `StoreError` without an answer."""
         if self.url is not None:
             return open_stored(self.url, **self._stated())
         return open_recording(self.path, **self._stated())
@@ -69,11 +65,7 @@ class Recording:
         return {name: getattr(self, name) for name in names}
 
     def fingerprint(self) -> str:
-        """Fingerprint that changes when the recording changes.
-
-        Raises `OSError`: the file is missing.
-        Raises `StoreError`: its store does not answer.
-        """
+        """Fingerprint of the recording's content; raises `OSError` or `StoreError`."""
         facts: list[object] = [*self._stated().values()]
         if self.url is not None:
             return _hashed([*facts, *marks_of(self.url)])
@@ -319,7 +311,6 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
     """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
 
     Relative paths are relative to the manifest. Empty cells are unknown values.
-
     Raises `FormatError`: it cannot be read, or a line is wrong; the line is named.
     """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"

@@ -221,7 +221,9 @@ def _tags(path: Path | None, flown: Flight | None) -> TagSource:
         return read_tag_source(path)
     if flown is not None:
         return TagSource(tags=flown.info.tags)
-    raise ConfigError("no tags to look for", remedy="Give --tags TagInfo.txt or tags.toml")
+    raise ConfigError(
+        "there are no tags to search for", remedy="Give --tags TagInfo.txt or tags.toml"
+    )
 
 
 def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:

@@ -40,10 +40,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def start_time_ns(text: str | None) -> int | None:
-    """Read --start-time.
-
-    Raises `ConfigError`: not a time.
-    """
+    """Read --start-time; raises `ConfigError` if it is no time."""
     if text is None:
         return None
     try:

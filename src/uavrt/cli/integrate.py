@@ -127,7 +127,7 @@ def integrate(
         )
     if moves and not others:
         raise ConfigError(
-            "--moves is of several flights", remedy="Name further flights, or leave it out"
+            "--moves needs several flights", remedy="Name further flights, or leave it out"
         )
     listed = read_tag_source(tags).tags if tags else None
     warn_of_near_codes(listed or (), frequency_window)
@@ -192,7 +192,7 @@ def _flights(
         )
     if clock_offset is not None or yaw_offset:
         raise ConfigError(
-            "--clock-offset and --yaw-offset are of a --track",
+            "--clock-offset and --yaw-offset need --track",
             remedy="Leave them out: a flight has its own",
         )
     for one in (first, *others):
@@ -238,10 +238,7 @@ def _tracked(
 
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
-    """Name of the pattern: the requested one, else that of all these flights.
-
-    The second value is True if it is assumed.
-    """
+    """Name of the pattern, requested or of all flights; and whether it is assumed."""
     from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
@@ -432,12 +429,11 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags.
-
-    Raises `ConfigError`: one is not listed, or none is.
-    """
+    """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
     if not known:
-        raise ConfigError("there are no tags to look for", remedy="Name a tag file with --tags")
+        raise ConfigError(
+            "there are no tags to search for", remedy="Name a tag file with --tags"
+        )
     missing = sorted(set(ids) - {one.tag_id for one in known})
     if missing:
         listed = ", ".join(str(one.tag_id) for one in known)

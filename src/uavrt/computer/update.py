@@ -213,10 +213,7 @@ def exchange(
 
 
 def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
-    """Monitor a version on trial, and keep it or go back; whether it was kept.
-
-    Also called after a power cut.
-    """
+    """Monitor a version on trial, also after a power cut; keep it or go back. True if kept."""
     before = place.before()
     if before is None:
         say("no version is on trial")

@@ -48,10 +48,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
 
 
 def parse_settings(content: bytes, *, name: str) -> Settings:
-    """Read settings from a file's bytes; `name` is for messages.
-
-    Raises `ConfigError`: the bytes are not settings; all faults are listed.
-    """
+    """Read settings; `name` is for messages. Raises `ConfigError` that lists all faults."""
     from pydantic import ValidationError
 
     try:
@@ -146,10 +143,7 @@ def default_settings_text() -> str:
 
 
 def write_default_settings(path: str | os.PathLike[str]) -> None:
-    """Write a commented ``uavrt.toml`` with the defaults; an existing file is kept.
-
-    Raises `ConfigError`: the file exists or cannot be written.
-    """
+    """Write a commented ``uavrt.toml`` with defaults; raises `ConfigError` if it exists."""
     target = Path(path)
     if target.exists():
         raise ConfigError(

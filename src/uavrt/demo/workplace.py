@@ -67,10 +67,7 @@ def _is_left(place: Path) -> bool:
 
 
 def require_free_port(port: int | None) -> None:
-    """Check that the page's port is free, before anything is started.
-
-    Raises `UsageError`: it is taken, or may not be used.
-    """
+    """Check the page's port before the start; raises `UsageError` if it is not free."""
     if not port:
         return
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sock:

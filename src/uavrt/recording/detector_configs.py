@@ -126,10 +126,7 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
 
 
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
-    """Read the last record of a file, ours or an original's.
-
-    Raises `FormatError` if it is unreadable or a needed key is missing or out of bounds.
-    """
+    """Read the last record of a file, ours or an original's; raises `FormatError`."""
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         text = read_file(path, SETTINGS).decode("utf-8", "replace")
@@ -203,10 +200,7 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Read MATLAB's ``[lo, hi; lo, hi]``; the original's ``[Inf, -Inf]`` is none.
-
-    Raises `ValueError` unless these are pairs of numbers, the lower one first.
-    """
+    """Read MATLAB's ``[lo, hi; …]``; ``[Inf, -Inf]`` is none. Raises `ValueError`."""
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

@@ -34,7 +34,7 @@ from uavrt.ros2.convert import (
     tag_to_ros,
     time_to_ros,
 )
-from uavrt.ros2.gateway import LOG_LEVELS
+from uavrt.ros2.drone_state import LOG_LEVELS
 from uavrt.ros2.graph import LOG_DEPTH, LOG_MESSAGE, LOG_TOPIC, START_STOP, TOPICS
 from uavrt.ros2.interface import full_definition, full_name, type_hash
 from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, Header, Log, RosMessage

@@ -56,10 +56,7 @@ _Row = dict[str, float]
 
 
 def read_dataflash(path: Path) -> VehicleTrack:
-    """Read a DataFlash log.
-
-    Raises `FormatError`: it cannot be read, or holds no time, no attitude or no place.
-    """
+    """Read a DataFlash log; raises `FormatError` without time, attitude or place."""
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
     rows: dict[str, list[_Row]] = {name: [] for name in _WANTED}

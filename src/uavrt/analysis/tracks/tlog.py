@@ -89,10 +89,7 @@ class _Log:
 
 
 def read_tlog(path: Path) -> VehicleTrack:
-    """Read a telemetry log.
-
-    Raises `FormatError`: it cannot be read, or holds no frame.
-    """
+    """Read a telemetry log; raises `FormatError` if it cannot be read, or holds no frame."""
     with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
     log, empty = _Log(), True

@@ -1,4 +1,4 @@
-"""Whether the drone is received on the ground's links, and if not, why."""
+"""Determine whether the drone is received, and if not, why."""
 
 import asyncio
 
@@ -12,7 +12,7 @@ from uavrt.mavlink.waiting import within
 class DroneContact:
     """Checks signatures, and explains why the drone does not answer.
 
-    `signing`: checks frames; None: all are taken.
+    `signing`: checks frames; None: all are accepted.
     """
 
     def __init__(self, signing: Signing | None) -> None:
@@ -40,7 +40,7 @@ class DroneContact:
             raise self._missing()
 
     def _missing(self) -> LinkError:
-        """Explain why there is no drone: it is locked with another key, or not there."""
+        """Explain why there is no contact: the drone uses another key, or is absent."""
         if self._drone_refused:
             return LinkError(
                 f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
@@ -55,7 +55,7 @@ class DroneContact:
         )
 
     def unanswered(self, number: int, waited_s: float) -> LinkError:
-        """Explain why a command has no answer: the drone wants it signed, or is away."""
+        """Explain a missing answer: the drone requires a signature, or is away."""
         text = f"the drone did not answer command {number} in {waited_s:g} s"
         if self._drone_signs and self._signing is None:
             return LinkError(

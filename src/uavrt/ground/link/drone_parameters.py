@@ -1,4 +1,4 @@
-"""The drone's parameters, as any ground station lists and sets them; with a key, sealed."""
+"""List and set the drone's parameters by the MAVLink protocol; sealed if there is a key."""
 
 import asyncio
 import math
@@ -20,7 +20,7 @@ from uavrt.mavlink.waiting import within
 
 TRIES = 5
 QUIET_S = 0.5
-"""Values come 20 ms apart; after so long without one the rest is asked for again."""
+"""Silence after which missing values are requested again [s]; values come 20 ms apart."""
 
 
 class DroneParameters:
@@ -108,11 +108,11 @@ class DroneParameters:
 
     def _drone(self) -> Peer:
         if self._protocol.drone is None:
-            raise LinkError("the drone has not been heard", remedy="Check its power and radio")
+            raise LinkError("no contact with the drone yet", remedy="Check its power and radio")
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Requests for all values, or for those that have not arrived; sealed with a key."""
+        """Requests for all values, or for missing ones; sealed if there is a key."""
         place = {"target_system": drone.system_id, "target_component": drone.component_id}
         sealed = self._protocol.sealed_parameter
         if self._count is None:
@@ -125,16 +125,18 @@ class DroneParameters:
         ]
 
     async def _learn_encoding(self, drone: Peer) -> None:
-        """Ask once how whole numbers travel: its capability bits say it."""
+        """Query once how integers are encoded, from the autopilot's capability bits."""
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return
             self._send(request_message(drone, dialect.AutopilotVersion.ID))
             await self._wait_for_news(self._wait_s)
-        raise LinkError("the drone does not say who it is", remedy="Try again")
+        raise LinkError(
+            "the drone's autopilot has not reported its capabilities", remedy="Try again"
+        )
 
     async def _quiet(self) -> None:
-        """Wait until nothing has come for a moment, after a first answer."""
+        """Wait until values stop arriving after the first one."""
         await self._wait_for_news(self._wait_s)
         heard_s = 0.0
         while heard_s != self._heard_s:

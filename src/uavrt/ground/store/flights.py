@@ -35,10 +35,12 @@ from uavrt.recording.schema import POSE_COLUMNS, pose_row, read_older
 from uavrt.recording.stamped import Stamped
 
 CHUNK = 4000
+LAST_NS = 2**63
+"""Later than all times of flights, which have 64 bits [ns since 1970]."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
-"""What a pulse can be in flight, by the page's numbers."""
+"""Statuses of a pulse in flight, by the page's numbers."""
 
 PULSE_COLUMNS = (
     "tag_id",
@@ -60,7 +62,7 @@ PULSE_COLUMNS = (
     "ghost_of_tag_id",
     "clipped",
 )
-"""What `FlightLibrary.pulses` reads of a pulse and its pose, by the names of their fields."""
+"""Columns of a pulse and its pose that `FlightLibrary.pulses` reads, by field name."""
 PLACE_COLUMNS = (
     "latitude_deg",
     "longitude_deg",
@@ -70,7 +72,7 @@ PLACE_COLUMNS = (
     "quaternion_y",
     "quaternion_z",
 )
-"""What `FlightLibrary.columns` reads of a pose after its time."""
+"""Columns of a pose after its time that `FlightLibrary.columns` reads."""
 
 _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "detection_status": (
@@ -84,7 +86,7 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     ),
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
-"""How a field becomes one number, in SQL and here, where it is not one already."""
+"""Conversion of non-numeric fields to one number, in SQL and in Python."""
 _OF_POSE = POSE_COLUMNS.split(", ")
 _SELECT_PULSES = (
     "SELECT "
@@ -117,14 +119,14 @@ class Columns:
     poses: NDArray[np.float64]
     """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times of what the autopilot says was not flown."""
+    """Start and end of times on the ground, as the autopilot reported them [ns]."""
     takeoff_amsl_m: float = math.nan
-    """Height above sea level from which the poses' heights count, by the first of them."""
+    """Height above sea level of the zero of relative altitudes, from the first pose [m]."""
     goes_on: bool = False
-    """More may come."""
+    """True while more data may arrive."""
 
     def heard(self, tags: Sequence[Tag], name: str = "this vehicle") -> Heard:
-        """The same for the estimator."""
+        """The same columns for the estimator."""
         pulses, poses, rate = self.pulses, self.poses, np.nan_to_num(self["rate"], nan=1.0)
         return Heard.of(
             self["tag_id"].astype(np.int64),
@@ -171,9 +173,9 @@ class FlightLibrary:
         self._quiet = Stamped(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """Get all flights, newest first; what cannot be read is left out.
+        """Get all flights, newest first; unreadable ones are left out.
 
-        With the drone's flights its notes decide which was flown last, else the times.
+        Flights recorded by the drone are sorted by the drone's order file, others by time.
         """
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
@@ -191,12 +193,12 @@ class FlightLibrary:
     def find(
         self, choice: FlightChoice, after: int, limit: int
     ) -> tuple[int, list[FlightSummary]]:
-        """Get how many flights are wanted, and some of them, newest first."""
+        """Get the number of matching flights, and one page of them, newest first."""
         found = [flight for flight in self.summaries() if choice.holds(flight)]
         return len(found), found[after : after + limit]
 
     def has(self, flight_id: str) -> bool:
-        """Return whether there is such a flight."""
+        """True if the flight exists."""
         try:
             self.path(flight_id)
         except UsageError:
@@ -246,9 +248,9 @@ class FlightLibrary:
         )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Read how loud a vehicle's receiver was at rest in its past flights [dB].
+        """Read the idle noise of a vehicle's receiver in its past flights [dB].
 
-        Flights that do not name their vehicle count for each.
+        Flights without a vehicle number count for each vehicle.
         """
         flights = (
             flight
@@ -264,14 +266,14 @@ class FlightLibrary:
             return None
 
     def places(self, flight_id: str) -> Places:
-        """Get where a flight took off, and its marks; raises as `summary`."""
+        """Get the take-off position and the marks of a flight; raises as `summary`."""
         with self._database(flight_id) as database:
             return places_of(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Mark a flight and its copies as never to be removed, or take the mark away."""
+        """Protect a flight and its copies from removal, or end the protection."""
         self.path(flight_id)
         flown = flown_name(flight_id)
         for flight in self.directory.iterdir():
@@ -291,12 +293,12 @@ class FlightLibrary:
         )
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read the pulses alone, (len(PULSE_COLUMNS), n)."""
+        """Read only the pulses, (len(PULSE_COLUMNS), n)."""
         with self._database(flight_id) as database:
             return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
 
     def poses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read the poses alone, (8, m)."""
+        """Read only the poses, (8, m)."""
         with self._database(flight_id) as database:
             return _columns(database, "poses", _SELECT_POSES, 8)
 
@@ -323,7 +325,7 @@ class FlightLibrary:
         return records
 
     def log(self, flight_id: str) -> list[dict[str, Any]]:
-        """Get status texts and notes of a flight, in order of time."""
+        """Get the status texts and notes of a flight in order of time."""
         with self._database(flight_id) as database:
             rows = database.execute(
                 "SELECT time_ns, severity, text FROM status_texts UNION ALL "
@@ -346,7 +348,7 @@ class FlightLibrary:
 
 
 def pulse_cells(item: PulsePose) -> tuple[float, ...]:
-    """One pulse in the order of `PULSE_COLUMNS`."""
+    """One pulse as numbers in the order of `PULSE_COLUMNS`."""
     pose = dict(zip(_OF_POSE, pose_row(item.pose), strict=True))
     cells = []
     for name in PULSE_COLUMNS:
@@ -384,11 +386,11 @@ def _mark(star: Path, starred: bool) -> None:
 
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
-    """Whether a flight may be of this vehicle."""
+    """True if a flight may belong to this vehicle."""
     number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
     return None in (number, system_id) or number == str(system_id)
 
 
 def known(value: float) -> float | None:
-    """None for a number that is not finite, as JSON has it."""
+    """A finite number; None otherwise, for JSON."""
     return float(value) if math.isfinite(value) else None

@@ -1,6 +1,6 @@
-"""What is known of each flight on this computer, kept over a restart.
+"""Cache of flight summaries, kept over a restart.
 
-To read thousands of databases takes seconds; this file can be thrown away at any time.
+Reading thousands of databases takes seconds; this file can be deleted at any time.
 """
 
 from collections.abc import Iterable
@@ -28,26 +28,26 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
+    """``"ground"`` if this ground station recorded it, ``"drone"`` if it was copied."""
     starred: bool = False
-    """It is never removed from the computer that it is on."""
+    """True if it is never removed automatically from its computer."""
     vehicle: str | None = None
-    """Number and name of its vehicle, where the ground station wrote them."""
+    """Number and name of its vehicle, if the ground station recorded them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightChoice:
-    """Which flights are wanted."""
+    """Criteria by which flights are listed."""
 
     tag_id: int | None = None
-    """Those that listened for this tag."""
+    """Flights that searched for this tag."""
     since_ns: int | None = None
-    """Those that ended at or after this time [ns since 1970]."""
+    """Flights that ended at or after this time [ns since 1970]."""
     before_ns: int | None = None
-    """Those that began before this time [ns since 1970]."""
+    """Flights that began before this time [ns since 1970]."""
 
     def holds(self, flight: FlightSummary) -> bool:
-        """Return whether a flight is one of them."""
+        """True if a flight meets all criteria."""
         return (
             (self.since_ns is None or flight.end_time_ns >= self.since_ns)
             and (self.before_ns is None or flight.start_time_ns < self.before_ns)

@@ -8,11 +8,7 @@ from uavrt.errors import RecordingError, os_errors_as
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Make the folder, write a temporary file there, then rename it.
-
-    Raises `RecordingError` if the disk is full, read-only or forbidden; the old file is
-    untouched.
-    """
+    """Write a temporary file in the folder, then rename it; raises `RecordingError`."""
     with os_errors_as(
         RecordingError, f"cannot write {path}", "Choose a writable place with free space"
     ):
