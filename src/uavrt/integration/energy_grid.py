@@ -118,7 +118,7 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
     """
     first = parts[0] if parts else None
     if first is None:
-        raise ValueError("no energies to put together")
+        raise ValueError("there are no energies to join")
     level = np.concatenate([one.level for one in parts], axis=1)
     heard = np.concatenate([one.heard for one in parts])
     energy, mean, sigma = _centred(
@@ -410,7 +410,7 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> NDArray[np.bool_]:
-    """Divide by the noise of each row and time, in place; which columns hold a loud one."""
+    """Divide by the noise of each row and time, in place; return which columns are loud."""
     columns = power.shape[1]
     loud = np.zeros(columns, bool)
     side = ENERGY.level_rows // 2

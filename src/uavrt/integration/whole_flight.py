@@ -172,29 +172,23 @@ def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floa
 
 
 def low_rank_weights(
-    gain: _Floats,
-    time_s: _Floats,
-    energies: SlotEnergies,
-    interval_s: float,
-    kept_variance: float = SEARCH.kept_variance,
+    gain: _Floats, time_s: _Floats, energies: SlotEnergies, interval_s: float
 ) -> Weights:
     """Reduce the places' gains to a few patterns to fold, and how to mix them.
 
     `gain` (places, times): energy of a pulse relative to that place's strongest. `time_s`
     (times,): from the first slot's beginning, ascending. `interval_s`: nominal, for the number
-    of pulses. `kept_variance`: share of the weights' variance that the patterns keep.
+    of pulses.
     """
-    mixing, patterns = low_rank(pulse_weights(gain), kept_variance)
+    mixing, patterns = low_rank(pulse_weights(gain))
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
 
 
-def low_rank(
-    weights: _Floats, kept_variance: float = SEARCH.kept_variance
-) -> tuple[_Floats, _Floats]:
+def low_rank(weights: _Floats) -> tuple[_Floats, _Floats]:
     """Factors of weights: (places, patterns) and (patterns, times)."""
     left, values, right = np.linalg.svd(weights, full_matrices=False)
     kept = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-30)
-    rank = int(np.searchsorted(kept, kept_variance)) + 1
+    rank = int(np.searchsorted(kept, SEARCH.kept_variance)) + 1
     return np.asarray(left[:, :rank] * values[:rank]), np.asarray(right[:rank])
 
 

@@ -114,19 +114,15 @@ class WholeFlightSum:
 
 
 def whole_flight_enr_db(
-    tag: Tag,
-    gain_db: _Floats,
-    probabilities: Sequence[float],
-    *,
-    frequency_window_hz: float = 500.0,
+    tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
     """ENR [dB] of the strongest pulse with which a whole flight detects a tag.
 
     `gain_db` (pulses,): relative level of each pulse of the flight. `probabilities`: detection
-    probabilities. `frequency_window_hz`: half-width of the search around the tag's frequency.
+    probabilities, with a search of ± 500 Hz around the tag's frequency.
     """
     levels_db = np.arange(-15.0, 30.25, 0.25)
-    judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)
+    judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
     for step in (judged.look, judged.add):
         for energy in energies:
