@@ -40,7 +40,7 @@ TYPED = (
 NUMBERS = {
     "detection": 440,
     "localization": 229,
-    "integration": 106,
+    "integration": 3,
     "planning": 22,
     "guidance": 20,
 }

@@ -198,7 +198,7 @@ class Pilot:
     def _done(self, step: Step, now: VehicleNow) -> bool:
         match step:
             case Turn():
-                return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_heading_deg
+                return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_yaw_deg
             case Home() | Ready():
                 return True
             case Climb():
@@ -212,7 +212,7 @@ class Pilot:
             yaw = now.yaw_deg
             there = (
                 yaw is not None
-                and abs(wrap_degrees_180(step.yaw_deg - yaw)) < SAFETY.at_heading_deg
+                and abs(wrap_degrees_180(step.yaw_deg - yaw)) < SAFETY.at_yaw_deg
             )
         if not there:
             self._there_s = None

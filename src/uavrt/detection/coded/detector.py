@@ -33,7 +33,7 @@ KEPT_S = 130.0
 """Duration of the cells from which several bursts are summed."""
 _STEP_S = 0.4
 """Duration of the samples gathered before the search continues."""
-_STRONG = 25.0
+_TALL = 25.0
 """Cells above this do not belong to a tag that only several bursts show [noise energies]."""
 _ECHOING, _ECHO_PULSES = 200.0, 5
 """Cells above this energy leave an echo of the filters, for this number of pulse widths."""
@@ -333,7 +333,7 @@ class CodedDetector:
         cells = self._cells
         recent = cells.recent[:, first - cells.recent_from : upto - cells.recent_from]
         tall = recent.max(axis=0, initial=0.0)
-        for level, reach in ((_STRONG, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
+        for level, reach in ((_TALL, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
             for column in (np.flatnonzero(tall > level) + first).tolist():
                 cells.hide(column - reach, reach + min(reach + 1, upto - column))
         required = self._required(self._foreign.per_hour)

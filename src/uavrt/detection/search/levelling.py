@@ -57,7 +57,7 @@ _SAME = 0.12
 _STAYED = 40
 _LEARNT = 40
 """Slots assumed to be known before the first one."""
-_NEARLY = 0.5
+_STEADY_RATIO = 0.5
 _LEAST = 1e-9
 """Least level, since a receiver may be silent."""
 
@@ -236,7 +236,7 @@ class Leveller:
         common = self._common(some).reshape(pieces, _CALM).mean(axis=1)
         bands = some.mean(axis=1)
         least = min(float(common.min()), float(bands.min()))
-        return least > _NEARLY * max(float(common.max()), float(bands.max()))
+        return least > _STEADY_RATIO * max(float(common.max()), float(bands.max()))
 
     def _average(self) -> None:
         """Average the newest level with earlier equal ones."""

@@ -31,7 +31,7 @@ from uavrt.detection.track.trains import (
 )
 from uavrt.messages import Tag
 
-CERTAIN = math.log(20.0)
+RULED_OUT_LOG = math.log(20.0)
 """Log likelihood ratio at which another tag is ruled out."""
 INTERVAL_DRIFT = 2e-3
 """Relative change of a tag's interval within a flight that its measured value must allow for.
@@ -321,7 +321,7 @@ class Senders(Generic[H]):
         possible: list[list[int]] = []
         for at, train in enumerate(trains):
             followers = {h.tag.tag_id: t for h, t in train.tracks if t.confirmed}
-            possible.append([i for i, loss in behind[at].items() if loss <= CERTAIN])
+            possible.append([i for i, loss in behind[at].items() if loss <= RULED_OUT_LOG])
             # The likeliest may not have found it yet; if nothing else can be, it is waited for.
             able.append(
                 {
@@ -365,7 +365,7 @@ class Senders(Generic[H]):
             _give(train, None, ())
             return
         tag_id = min(free, key=lambda i: (-free[i], i))
-        least = free[tag_id] - CERTAIN
+        least = free[tag_id] - RULED_OUT_LOG
         others = [
             h.tag.tag_id
             for h in self._near(train)
@@ -388,7 +388,7 @@ class Senders(Generic[H]):
             value = _normal(train, nominal_s, bound_s)
             if learnt is not None and value > -math.inf:
                 # What was learnt may be wrong, or no longer hold.
-                value -= CERTAIN
+                value -= RULED_OUT_LOG
                 known_s = nominal_s * learnt.scale
                 value = max(value, _normal(train, known_s, learnt.bound * nominal_s))
             best = max(best, value)
