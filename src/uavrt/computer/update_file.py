@@ -91,7 +91,7 @@ def version_key(version: str) -> tuple[object, ...]:
     """
     found = _VERSION.fullmatch(version)
     if found is None:
-        raise FormatError(f"{version!r} is no version of uavrt", remedy=COPY_AGAIN)
+        raise FormatError(f"{version!r} is not a version of uavrt", remedy=COPY_AGAIN)
     numbers, stage, stage_number, post, dev, local = found.groups()
     release = [int(number) for number in numbers.split(".")]
     while release and release[-1] == 0:
