@@ -1,4 +1,4 @@
-"""An update as a file: what is in it, who has signed it, and whether it is whole.
+"""An update as a file: its contents, its signature, and whether it is complete.
 
 A ``.tar`` holds a program and all its libraries::
 
@@ -80,7 +80,7 @@ class Update:
     manifest: Manifest | None
     """None for a wheel alone."""
     content: bytes | None = None
-    """Signed bytes of a wheel alone, whatever becomes of the file."""
+    """Signed bytes of a wheel alone, which do not change with the file."""
 
 
 def version_key(version: str) -> tuple[object, ...]:

@@ -55,7 +55,7 @@ class BandDatagramSource(DatagramSource):
         self.datagrams_lost = 0
         """Datagrams that the system reports as dropped because we were too slow."""
         self.realigned = 0
-        """Number of times that the alignment of samples was corrected."""
+        """How often the alignment of samples was corrected."""
         self._clock = Clock.start() if clock is None else clock
         self._want = SAMPLE_BYTES * max(64, round(block_s * sample_rate_hz))
         self._joiner = ByteJoiner()

@@ -54,7 +54,7 @@ _UNCLEAN_S = 1.0
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Lateness of times, time to correct it, and time after a loss in which that applies [s]. Then
+"""Lateness of times, time to correct it, and time after a loss in which this applies [s]. Then
 the loss was none, or smaller."""
 
 
