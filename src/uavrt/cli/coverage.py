@@ -74,7 +74,8 @@ def coverage(
     Parameters
     ----------
     source
-        A plan (QGroundControl's .plan), a path or an area (GeoJSON, KML), or a flight directory.
+        A plan (QGroundControl's .plan), a path or an area (GeoJSON, KML), or a flight
+        directory.
     tag_power
         Power that the tag radiates [dBm], antenna and animal included; collars: -30 to -10.
     dem
