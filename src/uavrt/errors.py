@@ -127,11 +127,7 @@ class LinkError(UavrtError):
 
 
 class TunnelError(UavrtError):
-    """A tunnel payload is not valid.
-
-    `message`: what is wrong with it.
-    `payload`: the payload as received.
-    """
+    """A tunnel payload as received is not valid; `message` says what is wrong."""
 
     def __init__(self, message: str, payload: bytes) -> None:
         self.payload = bytes(payload)
@@ -139,11 +135,7 @@ class TunnelError(UavrtError):
 
 
 class PoseUnavailable(UavrtError):
-    """No pose is known around that time.
-
-    `time_ns`: the time asked for [ns, UTC].
-    `retry_later`: True when a pose after `time_ns` may still arrive.
-    """
+    """No pose is known around a time [ns]; `retry_later`: one after it may still arrive."""
 
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
         self.time_ns = time_ns
@@ -161,6 +153,20 @@ class RecordingError(UavrtError):
 
 class StoreError(RecordingError):
     """An object store does not answer or breaks off; trying again may help."""
+
+
+@contextmanager
+def os_errors_as(
+    kind: type[UavrtError], what: object, remedy: str | None = None
+) -> Iterator[None]:
+    """Context that raises the system's errors on files and sockets as `kind`.
+
+    `what`: what cannot be done, to begin the message with; the system's reason follows.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{what}: {error.strerror or error}", remedy=remedy) from error
 
 
 @contextmanager

@@ -158,20 +158,24 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
     return archive
 
 
-def unpack(pieces: Iterable[bytes], most: int, *, wbits: int = 31) -> bytes:
-    """Unpack gzip (or, by `wbits`, another form of zlib), up to a little more than `most`.
+_GZIP_BITS = 31
+"""zlib's number for gzip with the largest window."""
+
+
+def unpack(pieces: Iterable[bytes], most: int) -> bytes:
+    """Unpack gzip, up to a little more than `most` bytes.
 
     Raises `zlib.error` or `EOFError` if it is damaged or cut off.
     """
     content = bytearray()
-    unpacker = zlib.decompressobj(wbits)
+    unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
         while piece and len(content) <= most:
             if unpacker.eof:  # several members, as `cat a.gz b.gz` makes
                 piece = piece.lstrip(b"\0")
                 if not piece:
                     break
-                unpacker = zlib.decompressobj(wbits)
+                unpacker = zlib.decompressobj(_GZIP_BITS)
             content += unpacker.decompress(piece, most + 1 - len(content))
             piece = unpacker.unused_data if unpacker.eof else unpacker.unconsumed_tail
         if len(content) > most:
@@ -219,10 +223,7 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
 
 
 def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN) -> T:
-    """Read a JSON file of one record.
-
-    Raises `OSError`, or `FormatError` if it is damaged, too large, or no plain file.
-    """
+    """Read a JSON file of one record; raises `OSError`, or `FormatError` if damaged."""
     return decode_record(read_file(path, limit), kind)
 
 
@@ -298,10 +299,7 @@ def shortened(faults: list[str]) -> list[str]:
 
 
 def size_of(path: Path) -> int:
-    """Size of a plain file [bytes].
-
-    Raises `OSError`, or `FormatError` if it is a pipe, a device, or mostly holes.
-    """
+    """Size of a plain file [bytes]; raises `OSError`, or `FormatError` for any other."""
     about = path.stat()
     require_plain_file(path, about.st_mode)
     _check_holes(about, path)

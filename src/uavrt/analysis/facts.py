@@ -20,7 +20,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from uavrt.atomic_file import write_atomically
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, os_errors_as
 from uavrt.foreign import SETTINGS, check_toml, read_file
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -82,10 +82,7 @@ def facts_path(flight: Path) -> Path | None:
 
 
 def facts_of(flight: Path) -> Facts:
-    """Read the facts of a flight.
-
-    Raises `ConfigError`: the file is damaged or has an unknown field; the text names it.
-    """
+    """Read a flight's facts; raises `ConfigError` that names a wrong field, or if damaged."""
     path = facts_path(flight)
     if path is None:
         return Facts()
@@ -104,20 +101,15 @@ def read_facts(path: Path) -> Facts:
 
 
 def write_facts(folder: Path, facts: Facts) -> None:
-    """Write the report.toml for all flights in a folder that have none of their own.
-
-    Raises `ConfigError`: a field is wrong, or the file cannot be written.
-    """
+    """Write report.toml for flights of a folder without their own; raises `ConfigError`."""
     path = folder / NAME
     fields = {name: text for name, text in asdict(facts).items() if text is not None}
     _judged(fields, path)
     # A string of JSON is one of TOML, too.
     written = {name: json.dumps(text, ensure_ascii=False) for name, text in fields.items()}
     lines = [f"{name} = {text}\n" for name, text in written.items()]
-    try:
+    with os_errors_as(ConfigError, f"cannot write {path}"):
         write_atomically(path, "".join(lines))
-    except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}") from error
 
 
 def _judged(entries: dict[str, Any], path: Path) -> Facts:

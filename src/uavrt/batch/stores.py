@@ -34,12 +34,7 @@ def is_url(text: str) -> bool:
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """Get all files at and below a place.
-
-    Raises `FormatError`: there is nothing.
-    Raises `StoreError`: the store does not answer.
-    Raises `UsageError`: a package for this kind of store is missing.
-    """
+    """Files at and below a place; raises `FormatError` if none, `StoreError`, `UsageError`."""
     with _asked(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
@@ -100,42 +95,22 @@ def _is_file(system: Any, path: str) -> bool:
 
 
 def marks_of(url: str) -> list[object]:
-    """Properties that change when a stored file changes.
-
-    Raises `StoreError`: the store does not answer, or the file is gone.
-    """
+    """Properties that change when a stored file changes; raises `StoreError`."""
     with _asked(url):
         system, path = _opened(url)
         about = system.info(path)
     return [url, about.get("size"), *(str(about[mark]) for mark in _MARKS if mark in about)]
 
 
-def open_stored(
-    url: str,
-    format_name: str | None = None,
-    *,
-    sample_rate_hz: float | None = None,
-    center_frequency_hz: float | None = None,
-    start_time_ns: int | None = None,
-) -> RecordingSource:
-    """Open a recording of a store; parameters as in `open_recording`.
-
-    Raises `FormatError`: it differs from its description.
-    Raises `StoreError`: the store does not answer, or the file is gone.
-    """
+def open_stored(url: str, **stated: Any) -> RecordingSource:
+    """Open a recording of a store like `open_recording`; raises also `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))
         if data_url != url:
             _ends(data_url, Path(folder))
         with _named(url, str(copy)):
-            source = open_recording(
-                copy,
-                format_name,
-                sample_rate_hz=sample_rate_hz,
-                center_frequency_hz=center_frequency_hz,
-                start_time_ns=start_time_ns,
-            )
+            source = open_recording(copy, **stated)
         source.close()
     return RecordingSource(source.layout, _StoredBytes(data_url))
 
@@ -151,10 +126,7 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer from an offset; returns the number of bytes.
-
-        Raises `StoreError`: the store does not answer, or returns less than before.
-        """
+        """Fill a buffer from an offset; get the number of bytes. Raises `StoreError`."""
         with _asked(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))

@@ -42,18 +42,18 @@ class RecordingRow:
     state: str
     """done, truncated (used up to its fault), failed (no pulse of it counts) or recorded (the
     pulses are those that the flight itself found)."""
-    fault: str | None
+    fault: str | None = None
     start_time_ns: int | None
-    length_s: float | None
+    length_s: float | None = None
     """Duration of its samples, lost ones left out; None: not known."""
-    sample_rate_hz: float | None
-    center_frequency_hz: float | None
+    sample_rate_hz: float | None = None
+    center_frequency_hz: float | None = None
     pulses: int
     confirmed: int
-    lost_samples: int
-    invalid_values: int
-    cells: int
-    cpu_s: float
+    lost_samples: int = 0
+    invalid_values: int = 0
+    cells: int = 0
+    cpu_s: float = 0.0
     finished_time_ns: int
     uavrt_version: str
     beeps: str = ""
@@ -188,10 +188,7 @@ Row = TypeVar("Row")
 
 
 def need_pyarrow() -> None:
-    """Check before the work that its results can be written.
-
-    Raises `UsageError`: the extra is missing.
-    """
+    """Check before the work that results can be written; raises `UsageError`."""
     with needs_extra("batch", "A batch"):
         import pyarrow  # noqa: F401
 
@@ -250,10 +247,7 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
 ) -> Seal:
-    """Write pulses with their cells' numbers, in order of their times.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Write pulses with their cells' numbers, in order of time; raises `OSError`."""
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
         "cell": [number for number, _ in pulses],
@@ -265,19 +259,13 @@ def write_pulses(
 def write_rows(
     path: Path, record: type[Row], rows: Sequence[Row], flight: str | None = None
 ) -> Seal:
-    """Write records of one kind, of one flight or of many.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Write records of one kind, of one flight or of many; raises `OSError`."""
     more = {} if flight is None else {"flight": [flight] * len(rows)}
     return _write(path, record, rows, more)
 
 
 def read_pulses(path: Path) -> Iterator[Pulse]:
-    """Read the pulses that `write_pulses` has written.
-
-    Raises `FormatError`: the file is damaged.
-    """
+    """Read the pulses of `write_pulses`; raises `FormatError` if the file is damaged."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -15,7 +15,6 @@ from uavrt.cli.screen import has_page, has_screen
 from uavrt.demo.run import Demo
 from uavrt.demo.search import SearchDemo
 from uavrt.demo.search_together import TogetherDemo
-from uavrt.demo.telling import in_plain_words, with_figures
 from uavrt.demo.worlds import flight_world, search_world
 from uavrt.errors import UsageError
 from uavrt.simulation.demo_world import fleet_scenarios
@@ -107,8 +106,7 @@ def demo(
         on_ros_domain=_print_domain if headless else None,
     ).run(picture)
     if json_summary:
-        accounts = {str(number): one.as_dict() for number, one in flown.items()}
-        print_json({"drones": accounts} if drones > 1 else accounts["1"])
+        print_json({"drones": flown} if drones > 1 else flown[1])
         return
     screen = Console()
     for number, summary in flown.items():
@@ -128,10 +126,9 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
-        describe=with_figures if json_summary else in_plain_words,
     ).run()
     if json_summary:
-        print_json(summary.as_dict())
+        print_json(summary)
     else:
         screen = Console()
         screen.print(summary.table())
@@ -155,7 +152,7 @@ def _search_together(
         say=lambda line: print(line, file=out, flush=True),
     ).run()
     if json_summary:
-        print_json(summary.as_dict())
+        print_json(summary)
     else:
         screen = Console()
         for number, one in summary.drones.items():

@@ -8,7 +8,7 @@ For a coded tag a burst counts as a pulse.
 import bisect
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 from rich.table import Table
 
@@ -57,10 +57,6 @@ class DemoSummary:
     cpu_seconds: dict[str, float]
     duration_s: float
     flight_directory: str
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain values for JSON."""
-        return asdict(self)
 
     def table(self) -> Table:
         """Table for a terminal."""
@@ -129,10 +125,7 @@ def summarize_tag(
 
 
 def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tuple[int, int]:
-    """Widen the reported time of a flight's samples to all recorded pulses.
-
-    The reports of a receiver that was killed may be missing.
-    """
+    """Widen the reported time of a flight's samples, which may lack parts, to all pulses."""
     limit_ns = ns_from_s(MATCH_TIME_S)
     times = [pulse.start_time_ns for pulse in recorded]
     return (
@@ -162,10 +155,7 @@ def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
 
 
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
-    """Pair each true pulse with the nearest unpaired found one.
-
-    `found`: in order of time.
-    """
+    """Pair each true pulse with the nearest unpaired found one, in order of time."""
     times = [pulse.start_time_ns for pulse in found]
     limit_ns = ns_from_s(MATCH_TIME_S)
     taken: set[int] = set()

@@ -1,19 +1,17 @@
-"""Run many detectors in one process, cheaper than separately.
+"""Run many detectors in one process, at a lower cost than separately.
 
-A detector looks at its samples every 0.44 s. Between, its blocks wait here, once for all tags
-of a channel; when tags are due at the same time and stand at the same place of their streams,
-what is the same for all of them is done together (docs/decisions/0147). The pulses are those
-of the detectors alone, but where bands overlap: there each train of pulses is one tag's
-(docs/decisions/0159).
+A detector searches every 0.44 s. In between, its blocks wait here, once for all tags of a
+channel; tags that are due at the same time and position in their streams share their
+computation. The pulses are those of the detectors alone, except where
+bands overlap: there each train of pulses belongs to one tag.
 
-A detector searches all that has come when one more block would make it more than 0.44 s, since
-a step costs the same whatever its length; fixed steps of 0.35 s would leave a part of a block
-over for the next step, and need a quarter more steps. The latency is 0.25 s in the middle and
-0.47 s at most. The steps of all tags fall on the same block, so that the rest finds code and
-caches warm (3 %).
+A detector searches all samples when another block would make them longer than 0.44 s, since a
+step has a constant cost; fixed steps of 0.35 s would leave part of a block, and need a quarter
+more steps. The latency is 0.25 s on average and 0.47 s at most. The steps of all tags fall on
+the same block, so that code and caches are warm (3 %).
 """
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,19 +30,19 @@ from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _TOGETHER = 8
-"""Detectors searched at once: their cells, 0.5 MB, stay in the cache of a core."""
+"""Detectors searched at once: their cells, 0.5 MB, fit the cache of a core."""
 
 
 @dataclass(slots=True, eq=False)
 class _Member:
-    """A detector and how far it has read its channel's blocks."""
+    """A detector and its position in the channel's blocks."""
 
     detector: PulseDetector
     taken: int = 0
-    """Blocks of the channel."""
+    """Number of the channel's blocks it has taken."""
     due: int = 0
-    """Samples of the channel, the longest of the newest blocks counted twice, that may come
-    before it must be searched; 0: none."""
+    """Samples of the channel, counting the longest recent block twice, before its next step; 0:
+    none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -56,26 +54,65 @@ class _Channel:
     tolerance_ns: float
     blocks: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
     before: int = 0
-    """Blocks that came before those."""
+    """Number of blocks dropped before those."""
     samples: int = 0
-    """Samples of all blocks so far."""
+    """Total samples of all blocks."""
     longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
-    """Time at which the next block begins if none is lost."""
+    """Expected time of the next block."""
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """The least of the members' `due`; 0: some member must be looked at with each block."""
+    """The least `due` of the members; 0: a member must be checked with each block."""
 
     def catch_up(self, member: _Member) -> None:
-        """Give a member the blocks that it has not taken; no step was due with any of them."""
+        """Pass a member the blocks that it has not taken; no step was due with any of them."""
         member.detector.take_all(self.blocks[member.taken - self.before :])
         member.taken = self.before + len(self.blocks)
 
     def wait(self, member: _Member) -> None:
-        """Find out how long a member that has taken all blocks needs not be looked at."""
+        """Determine when a member that has taken all blocks is next due."""
         patience = member.detector.patient()
         member.due = self.samples + patience if patience else 0
         self.soonest = min(m.due for m in self.members)
+
+
+class _RingMemory:
+    """One memory for the rings of all detectors."""
+
+    def __init__(self) -> None:
+        self._memory = np.zeros(0, np.float32)
+        self._homes: dict[_Member, list[tuple[int, int]]] = {}
+        """Where in the memory a member's rings lie, and their sizes."""
+
+    def rebuild(self) -> None:
+        """Make another, for other members, when it is used next."""
+        self._homes.clear()
+
+    def house(self, member: _Member, members: Iterable[_Member]) -> None:
+        """Have a member's rings in it, where they can be looked at with those of `members`."""
+        searches = member.detector.band.anchor_searches()
+        if all(search.memory is self._memory for search in searches):
+            return
+        if not self._homes:
+            self._build(members)
+        for search, (base, size) in zip(searches, self._homes[member], strict=False):
+            if search.memory is not self._memory and search.size <= size:
+                search.settle_in(self._memory, base)
+
+    def _build(self, members: Iterable[_Member]) -> None:
+        total = 0
+        longest = 0
+        for member in members:
+            homes = self._homes[member] = []
+            for search in member.detector.band.anchor_searches():
+                homes.append((total, search.size))
+                total += search.size
+                longest = max(longest, search.stretch)
+        self._memory = np.zeros(total + longest, np.float32)
+        for member, homes in self._homes.items():
+            searches = member.detector.band.anchor_searches()
+            for search, (base, _) in zip(searches, homes, strict=True):
+                search.settle_in(self._memory, base, empty=True)
 
 
 class DetectorGroup:
@@ -95,13 +132,11 @@ class DetectorGroup:
         self._due: list[_Channel] = []
         self._pulses: list[Pulse] = []
         self._workspace = Workspace()
-        self._memory = np.zeros(0, np.float32)
-        self._homes: dict[_Member, list[tuple[int, int]]] = {}
-        """Where in the memory a member's rings lie, and their sizes."""
+        self._rings = _RingMemory()
         self.alone: frozenset[int] = frozenset()
-        """Ids of tags that are searched by themselves: one of them may be at fault."""
+        """Ids of tags that are searched separately, since one of them may cause a failure."""
         self.in_hand: tuple[PulseDetector, ...] = ()
-        """Whose turn it was last: when a search fails, one of them is at fault."""
+        """Detectors of the last step; if a search fails, one of them is the cause."""
 
     def add(self, channel: Hashable, detectors: Iterable[PulseDetector]) -> None:
         """Add the detectors of a channel, at least one, before its first block."""
@@ -114,7 +149,7 @@ class DetectorGroup:
             # A little less than a detector's own.
             tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
         )
-        self._homes.clear()
+        self._rings.rebuild()
         self._find_company()
 
     def __contains__(self, channel: Hashable) -> bool:
@@ -123,7 +158,10 @@ class DetectorGroup:
     @property
     def detectors(self) -> list[PulseDetector]:
         """All detectors, in the order in which they were added."""
-        return [m.detector for channel in self._channels.values() for m in channel.members]
+        return [member.detector for member in self._members()]
+
+    def _members(self) -> Iterator[_Member]:
+        return (member for line in self._channels.values() for member in line.members)
 
     def put(self, channel: Hashable, samples: NDArray[np.complex64], time_ns: int) -> None:
         """Process the next block of a channel.
@@ -163,7 +201,7 @@ class DetectorGroup:
         for member in hurried:
             self.in_hand = (member.detector,)
             member.taken += 1
-            if member.detector.senders is None:
+            if member.detector.tracking.senders is None:
                 self._pulses += member.detector.process(samples, time_ns)
                 line.wait(member)
             else:
@@ -179,7 +217,7 @@ class DetectorGroup:
             _forget(line)
 
     def collect(self) -> list[Pulse]:
-        """Search where it is due; get the pulses found since the last call."""
+        """Search what is due; return the pulses found since the last call."""
         self._search()
         pulses, self._pulses = self._pulses, []
         return pulses
@@ -214,7 +252,7 @@ class DetectorGroup:
         self._go_on(active)
 
     def _go_on(self, active: list[tuple[_Channel, _Member, int]]) -> None:
-        """Advance detectors as far as they can, those of one band step by step."""
+        """Advance detectors as far as possible, those of one band step by step."""
         members = [member for _, member, _ in active]
         while active:
             steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
@@ -228,7 +266,7 @@ class DetectorGroup:
                     line.wait(member)
                     continue
                 again.append((line, member, length))
-                self._house(member)
+                self._rings.house(member, self._members())
                 detector.prepare(upto)
                 key = None
                 if detector.tag.tag_id not in self.alone:
@@ -247,7 +285,7 @@ class DetectorGroup:
                 self._pulses += hearer.drain()
 
     def _look_for_ghosts(self) -> None:
-        """Find the trains that are a stronger tag's; take back what was not collected yet."""
+        """Find trains that are ghosts of a stronger tag; retract those not collected yet."""
         if self._receiver is None:
             return
         self.in_hand = ()  # no one tag's search
@@ -274,7 +312,7 @@ class DetectorGroup:
 
     @staticmethod
     def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
-        found = {id(d.senders): d.senders for d in detectors if d.senders is not None}
+        found = {id(one): one for d in detectors if (one := d.tracking.senders) is not None}
         return list(found.values())
 
     def _find_company(self) -> None:
@@ -285,11 +323,11 @@ class DetectorGroup:
         ]
         for places in overlapping([_band_hz(detector) for detector in able]):
             together = [able[place] for place in places]
-            known = together[0].senders
+            known = together[0].tracking.senders
             if len(together) > 1 and (known is None or len(known.hearers) < len(together)):
                 senders = Senders(together)
                 for detector in together:
-                    detector.senders = senders
+                    detector.tracking.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
         self.in_hand = tuple(detector for detector, _ in steps)
@@ -302,33 +340,6 @@ class DetectorGroup:
         for (detector, _), result in zip(steps, results, strict=True):
             self.in_hand = (detector,)
             detector.conclude(result)
-
-    def _house(self, member: _Member) -> None:
-        """Have a member's rings in the memory of all, where they can be looked at together."""
-        searches = member.detector.band.anchor_searches()
-        if all(search.memory is self._memory for search in searches):
-            return
-        if not self._homes:
-            self._build()
-        for search, (base, size) in zip(searches, self._homes[member], strict=False):
-            if search.memory is not self._memory and search.size <= size:
-                search.settle_in(self._memory, base)
-
-    def _build(self) -> None:
-        total = 0
-        longest = 0
-        for line in self._channels.values():
-            for member in line.members:
-                homes = self._homes[member] = []
-                for search in member.detector.band.anchor_searches():
-                    homes.append((total, search.size))
-                    total += search.size
-                    longest = max(longest, search.stretch)
-        self._memory = np.zeros(total + longest, np.float32)
-        for member, homes in self._homes.items():
-            searches = member.detector.band.anchor_searches()
-            for search, (base, _) in zip(searches, homes, strict=True):
-                search.settle_in(self._memory, base, empty=True)
 
 
 def _band_hz(detector: PulseDetector) -> tuple[float, float]:

@@ -250,10 +250,7 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many the arrivals have not shown yet.
-
-        The caller's index skips these.
-        """
+        """Skip samples known to be lost; return how many the arrivals have not shown yet."""
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _CREDIT_S:
             self._credit_s = 0.0

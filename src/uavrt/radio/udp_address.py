@@ -4,7 +4,7 @@ import errno
 import socket
 from typing import Any, Final
 
-from uavrt.errors import ConfigError, RadioError
+from uavrt.errors import ConfigError, RadioError, os_errors_as
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Buffer requested for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
@@ -24,10 +24,7 @@ def is_udp_address(text: str) -> bool:
 
 
 def parse_udp_address(text: str) -> tuple[str, int]:
-    """Split ``udp://HOST:PORT`` or ``HOST:PORT``; an IPv6 address stands in brackets.
-
-    Raises `ConfigError` for other texts.
-    """
+    """Split ``udp://HOST:PORT`` or ``HOST:PORT``, IPv6 in brackets; raises `ConfigError`."""
     host, colon, port = text.removeprefix(_PREFIX).rstrip("/").rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):
@@ -94,10 +91,6 @@ def send_socket(host: str) -> socket.socket:
 
 def _places(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
     """List the families and addresses of a name; raises `RadioError` if it has none."""
-    try:
+    with os_errors_as(RadioError, f"no address {host}", "Check the name, or write numbers"):
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-    except OSError as error:
-        raise RadioError(
-            f"no address {host}: {error.strerror}", remedy="Check the name, or write numbers"
-        ) from error
     return [(family, address) for family, _, _, _, address in found]

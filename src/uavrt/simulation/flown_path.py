@@ -47,11 +47,7 @@ class PathWriter:
 
 
 class FlownPath:
-    """The vehicle's state at any time, by the file so far.
-
-    `path`: of the file, which may not exist yet. `plane`: around the scenario's home. `keep_s`:
-    length that is kept; None: all.
-    """
+    """The vehicle's state at any time, by the file so far, of which `keep_s` are kept."""
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane
@@ -62,10 +58,7 @@ class FlownPath:
         """North, east, up [m] from home, heading [deg]."""
 
     def state(self, time_ns: int) -> VehicleState | None:
-        """State at a time; None while nothing is written.
-
-        Linear between records; extrapolated for half a second at most after the last.
-        """
+        """State at a time, at most 0.5 s after the last one; None while nothing is written."""
         if not self._times_ns or self._times_ns[-1] < time_ns:
             self._read()
         if not self._times_ns:

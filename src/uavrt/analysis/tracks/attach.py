@@ -61,8 +61,6 @@ class ClockOffset:
     offset_s: float
     found_by: str
     """``"given"``, ``"poses"`` or ``"powers"``."""
-    clearness: float | None = None
-    """Misfit of the best offset 5 s away over the least one."""
     sigma_s: float | None = None
     """Standard deviation, by leaving out an eighth of the flight at a time; None if the offset
     was given."""
@@ -105,10 +103,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Count the pulses with a pose.
-
-    Raises `UsageError`: they are fewer than a quarter, as for a track of another time.
-    """
+    """Count the pulses with a pose; raises `UsageError` if they are fewer than a quarter."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -129,7 +124,6 @@ def estimate_offset(
     SNR along the track is matched with the antenna's pattern and the distance, with each tag's
     place free. A lone turn at a constant rate cannot separate offset from bearing; starts,
     stops and several turns can.
-
     Raises `UsageError`: the logs have too little in common (the track covers less than a
     quarter of the pulses, or fewer than 12), two offsets fit nearly as well, or the remaining
     uncertainty moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
@@ -162,8 +156,7 @@ def estimate_offset(
     fine_cost = np.array([misfit(offset, keep=covered) for offset in fine])
     offset_s, least = float(fine[int(np.nanargmin(fine_cost))]), float(np.nanmin(fine_cost))
     away = cost[np.abs(coarse - offset_s) > _ELSEWHERE_S]
-    clearness = float(np.nanmin(away)) / max(least, 1e-6)
-    if clearness < CLEAR:
+    if float(np.nanmin(away)) / max(least, 1e-6) < CLEAR:
         raise UsageError(
             f"the clock offset is ambiguous: {offset_s:.1f} s is best, but others are "
             "nearly as good",
@@ -181,7 +174,6 @@ def estimate_offset(
     return ClockOffset(
         offset_s=offset_s,
         found_by=found_by,
-        clearness=clearness,
         sigma_s=sigma_s,
         heading_sigma_deg=heading_sigma_deg,
     )

@@ -23,277 +23,49 @@ from uavrt.detection.track.bursts import Bursts, Known
 from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT
-"""Columns, eight to a pulse, of which one is used for the noise: more add no knowledge."""
+"""Stride of the columns used for the noise estimate (eight columns per pulse)."""
 _LEARN_BATCHES = 3
-"""Batches with which the noise is followed at a time: a call costs more than its data."""
+"""Batches collected before the noise is updated: a call costs more than its data."""
 _LEAST_NOISE_S = 0.35
 _LEAST_CLEAN = 0.2
-"""Least share of columns without impulses that are used alone for the noise. Impulses so dense
-that fewer are left are in nearly all, which then have about the same noise."""
+"""Least share of columns without impulses that are used alone for the noise. With denser
+impulses nearly all columns contain some and are about equal."""
 _LAG_S = 0.07
-"""The newest columns lag a window and a filter behind the samples."""
+"""Delay of the newest columns behind the samples: a window and a filter."""
 _KEPT_S = 4.0
-"""Besides a group's span, levels are kept so long: pulses are measured some time later."""
+"""Time in addition to a group's span for which levels are kept, for measuring pulses."""
 _YOUNG_NOISE_S = 2.5
 """Time in which each batch measures the noise from all columns so far [s]."""
 
 _MANY_LINES = 1.025
-"""To multiply a threshold by while many lines are taken out: what is left of each changes from
-second to second, all over the channel, and 1.6 times the false groups asked for were found."""
+"""Factor on a threshold while many lines are removed: their residuals vary over the channel,
+which gave 1.6 times the nominal false groups."""
 
 
-class SearchBand:
-    """The search of one stream in one band.
+class _LostColumns:
+    """Which columns lost samples and impulses have changed."""
 
-    `bounds`: half-width of the band, and what in it is not searched.
-    `batch_s`: longest piece in which samples come [s].
-    """
-
-    def __init__(
-        self, *, grid: Grid, buffer: SampleBuffer, bounds: Bounds, batch_s: float
-    ) -> None:
-        tag, half_width_hz = bounds.tag, bounds.half_width_hz
-        self._grid = grid
-        self._buffer = buffer
-        self._batch = round(batch_s * grid.sample_rate_hz)
-        self._spectrogram = Spectrogram(grid)
-        self._noise = RowNoise(
-            column_s=grid.hop_s * NOISE_STRIDE,
-            independent_per_s=1.0 / tag.pulse_width_s,
-            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
-        )
-        self._searches = make_searches(tag, grid, half_width_hz)
-        for search in self._searches:
-            search.own_margin = gate(search.k)
-        steady = self._searches[0]
-        self.leveller = Leveller(
-            rows=grid.rows,
-            keep=max(search.span for search in self._searches)
-            + math.ceil(_KEPT_S / grid.hop_s),
-            steepness=steady.threshold / steady.k,
-            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
-        )
-        """How loud the noise is at each time, over `noise`."""
-        self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
-        self._bursts = Bursts(grid, tag.pulse_width_s)
-        # The cells of all rates are the same.
-        self._searches[0].pass_on = self._bursts.add
-        self._begun = 0
-        self._kind: tuple[int, ...] | None = None
-        """What never changes of what bands that go on together have in common; None: alone."""
-        if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
-            kinds = [search.kind() for search in self._anchor_searches]
-            self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
-        self._excluded = bounds.excluded_rows(grid.offsets_hz)
-        self._unsure = False
-        """Whether the noise is known worse than usually: a narrow band's for ten seconds."""
-        self._learnt: list[NDArray[np.float32]] = []
-        self._column = 0
-        self._heard_s = 0.0
-        self._first_noise_s = _needed_noise_s(tag, self._searches)
+    def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
+        self._grid, self._buffer = grid, buffer
 
     @property
-    def noise(self) -> NDArray[np.float32]:
-        """Noise power of each row at a level of one, shape (rows,)."""
-        return self._noise.level
-
-    @property
-    def noise_now(self) -> NDArray[np.float32]:
-        """Noise power of each row in the newest columns, shape (rows,)."""
-        return self._noise.level * self.leveller.rows_now
-
-    def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
-        """Learn whether many lines are taken out, and whether the noise is whitened."""
-        for search in self._anchor_searches:
-            if search.null is not None:
-                search.null.coloured = many_lines or whitened
-        if many_lines != self._noise.ragged:
-            self._noise.ragged = many_lines
-            self._trust_noise(always=self._noise.ready)
-
-    def advance(
-        self, upto: int, *, last: bool
-    ) -> list[tuple[RateSearch, list[Candidate]]] | None:
-        """Transform and search the clean samples up to an index.
-
-        `last`: nothing follows: test what only silence would complete.
-        Returns: best candidates first; None while the noise is not known.
-        """
-        power = self._columns(self._spectrogram, upto, last=last)
-        was_ready = self._noise.ready
-        if was_ready and len(power):
-            whole = self._whole_columns(self._column, len(power)) if self._broken else None
-            self.leveller.level(power.T, self.noise, self._column, whole)
-            self._noise.only_rises = self.leveller.uneven
-        self._take(power, last=last)
-        if not self._noise.ready:
-            return None
-        level = self._noise.level
-        results = []
-        for search in self._searches:
-            found: list[Candidate] = []
-            for block in (power,) if was_ready else self._from_the_start(upto, last=last):
-                if len(self._excluded):
-                    block[:, self._excluded] = 0.0
-                found += search.push(block, level)
-            if last:
-                found += search.finish(level)
-            results.append((search, best_first(found)))
-        return results
-
-    def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """What bands that `advance_together` to such an index must have in common.
-
-        None: this one must go alone.
-        """
-        spectrogram = self._spectrogram
-        first = spectrogram.needed()
-        if first < 0 or not self._noise.ready or self._kind is None:
-            return None
-        columns = columns_ahead(spectrogram, upto - first)
-        key = [upto - first, len(spectrogram.band)]
-        for search in self.anchor_searches():
-            if not 0 < columns <= search.piece:
-                return None
-            key += (search.pushed - search.columns, id(search.memory))
-        return (*key, *self._kind)
-
-    def know(self, pulses: KnownPulses | None) -> None:
-        """Leave out the candidates that known pulses explain, from the next step on."""
-        for search in self._searches:
-            search.known = pulses
-
-    def anchor_searches(self) -> list[AnchorSearch]:
-        """Get the searches whose cells may lie in one memory."""
-        return self._anchor_searches
-
-    def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
-        begin, self._column = self._column, self._column + len(power)
-        if len(power):
-            self._learn(power, begin, last=last)
-
-    def bursts(self, known: Sequence[Known]) -> Bursts:
-        """What else is on air, up to the present.
-
-        `known`: pulses of tags that are sure: no bursts.
-        """
-        search = self._searches[0]
-        self._bursts.look(
-            search.open_anchors(),
-            self._noise.level,
-            now_column=search.columns,
-            begin_column=self._begun,
-            known=known,
-        )
-        return self._bursts
-
-    def score(self) -> float:
-        """Best statistic since the last call over its threshold, of what did not reach it."""
-        best = max(search.best for search in self._searches)
-        for search in self._searches:
-            search.best = 0.0
-        return min(best, 0.999)
-
-    def weakest_enr_db(self) -> float:
-        """ENR [dB] at which nine groups of ten reach the threshold in force."""
-        search = self._searches[0]
-        return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
-
-    def take_over(self, other: "SearchBand", upto: int) -> None:
-        """Begin at an index, in mid-stream, with the noise of a band that holds this one."""
-        grid = self._grid
-        column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
-        self._column = self._begun = column
-        self._spectrogram.consumed = column * grid.hop // grid.decimation
-        offsets = other._grid.offsets_hz
-        level = np.interp(grid.offsets_hz, offsets, other.noise_now).astype(np.float32)
-        self._noise.take_over(other._noise, level)
-        self._heard_s = other._heard_s
-        for search in self._searches:
-            search.begin_at(column)
-
-    def _columns(
-        self, spectrogram: Spectrogram, upto: int, *, last: bool
-    ) -> NDArray[np.float32]:
-        """The next columns, from the samples up to an index; behind the last come zeros."""
-        first = spectrogram.needed()
-        if first >= upto:
-            return np.zeros((0, self._grid.rows), np.float32)
-        stretch = self._buffer.view(max(0, first), upto)
-        begin = spectrogram.begun
-        if first < 0 or last:
-            ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
-            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
-        power = spectrogram.push(stretch)
-        self._weigh(power, begin)
-        return power
-
-    def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """All columns so far, made again: to keep them until the noise is known is 0.3 MB."""
-        grid, at = self._grid, self._buffer.start
-        spectrogram = Spectrogram(grid)
-        if at:
-            column = 8 * math.ceil((at + grid.reach) / grid.hop / 8.0)
-            spectrogram.consumed = column * grid.hop // grid.decimation
-            yield np.zeros((column, grid.rows), np.float32)
-        while at < upto:
-            at = min(at + self._batch, upto)
-            if at == upto or at > spectrogram.needed() + grid.window:
-                yield self._columns(spectrogram, at, last=last and at == upto)
-
-    @property
-    def _broken(self) -> bool:
+    def any(self) -> bool:
+        """Whether any samples were lost, or taken out as impulses."""
         return bool(self._buffer.lost or self._buffer.blanked)
-
-    @property
-    def _knows_noise(self) -> bool:
-        return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
-
-    def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
-        whole = power
-        if self._broken:
-            whole = power[self._whole_columns(begin, len(power))]
-        self._learnt.append(whole[::NOISE_STRIDE].copy())
-        known = self._knows_noise
-        self._heard_s += len(whole) * self._grid.hop_s
-        if known:
-            if len(self._learnt) >= _LEARN_BATCHES:
-                self._noise.update(np.concatenate(self._learnt))
-                self._learnt.clear()
-                self._trust_noise()
-            return
-        if self._heard_s < self._first_noise_s and not last:
-            return
-        everything = np.concatenate(self._learnt)
-        if len(everything) >= 16:
-            self._noise.start(everything)
-            self._unsure = True
-            self._trust_noise()
-            if self._heard_s >= _YOUNG_NOISE_S:
-                self._learnt.clear()
-
-    def _trust_noise(self, *, always: bool = False) -> None:
-        """Search with what the noise's error asks for, until that is no more than usual."""
-        if not (self._unsure or always):
-            return
-        error = self._noise.relative_error
-        more = _MANY_LINES if self._noise.ragged else 1.0
-        for search in self._searches:
-            search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
-        self._unsure = error > USUAL_NOISE_ERROR
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
         """Get the factor on each column that makes up for lost samples; None: none are lost."""
         first = np.arange(begin, begin + count) * self._grid.hop
         return self._buffer.weights(first, self._grid.window)
 
-    def _weigh(self, power: NDArray[np.float32], begin: int) -> None:
+    def weigh(self, power: NDArray[np.float32], begin: int) -> None:
         """Scale columns with lost samples to the noise of complete ones, in place."""
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
             power *= weights.astype(np.float32)[:, np.newaxis]
 
-    def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
+    def whole(self, begin: int, count: int) -> NDArray[np.bool_]:
+        """Which columns from one on are to be used for the noise."""
         weights = self._weights(begin, count)
         heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
         # A window with 7 ms taken out has a third of its noise less: five such in a second
@@ -316,10 +88,249 @@ class SearchBand:
         return whole
 
 
+class SearchBand:
+    """The search of one stream in one band.
+
+    `bounds`: half-width of the band, and its excluded parts. `batch_s`: longest piece of
+    samples [s].
+    """
+
+    def __init__(
+        self, *, grid: Grid, buffer: SampleBuffer, bounds: Bounds, batch_s: float
+    ) -> None:
+        tag, half_width_hz = bounds.tag, bounds.half_width_hz
+        self._grid = grid
+        self._buffer = buffer
+        self._batch = round(batch_s * grid.sample_rate_hz)
+        self._lost = _LostColumns(grid, buffer)
+        self._spectrogram = Spectrogram(grid)
+        self._noise = RowNoise(
+            column_s=grid.hop_s * NOISE_STRIDE,
+            independent_per_s=1.0 / tag.pulse_width_s,
+            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
+        )
+        self._searches = make_searches(tag, grid, half_width_hz)
+        for search in self._searches:
+            search.own_margin = gate(search.k)
+        steady = self._searches[0]
+        self.leveller = Leveller(
+            rows=grid.rows,
+            keep=max(search.span for search in self._searches)
+            + math.ceil(_KEPT_S / grid.hop_s),
+            steepness=steady.threshold / steady.k,
+            circular=half_width_hz >= grid.sample_rate_hz / 2.0,
+        )
+        """Noise level at each time, relative to `noise`."""
+        self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
+        self._bursts = Bursts(grid, tag.pulse_width_s)
+        # The cells of all rates are the same.
+        self._searches[0].pass_on = self._bursts.add
+        self._begun = 0
+        self._kind: tuple[int, ...] | None = None
+        """Constant properties shared by bands that advance together; None: it advances
+        alone."""
+        if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
+            kinds = [search.kind() for search in self._anchor_searches]
+            self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
+        self._excluded = bounds.excluded_rows(grid.offsets_hz)
+        self._unsure = False
+        """True while the noise is uncertain: for ten seconds in a narrow band."""
+        self._learnt: list[NDArray[np.float32]] = []
+        self._column = 0
+        self._heard_s = 0.0
+        self._first_noise_s = _needed_noise_s(tag, self._searches)
+
+    @property
+    def noise(self) -> NDArray[np.float32]:
+        """Noise power of each row at a level of one, shape (rows,)."""
+        return self._noise.level
+
+    @property
+    def noise_now(self) -> NDArray[np.float32]:
+        """Noise power of each row in the newest columns, shape (rows,)."""
+        return self._noise.level * self.leveller.rows_now
+
+    def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
+        """Set whether many lines are removed, and whether the noise is whitened."""
+        for search in self._anchor_searches:
+            if search.null is not None:
+                search.null.coloured = many_lines or whitened
+        if many_lines != self._noise.ragged:
+            self._noise.ragged = many_lines
+            self._trust_noise(always=self._noise.ready)
+
+    def advance(
+        self, upto: int, *, last: bool
+    ) -> list[tuple[RateSearch, list[Candidate]]] | None:
+        """Transform and search the clean samples up to an index.
+
+        `last`: the stream ends: test incomplete hypotheses, too. Returns the best candidates
+        first; None while the noise is unknown.
+        """
+        power = self._columns(self._spectrogram, upto, last=last)
+        was_ready = self._noise.ready
+        if was_ready and len(power):
+            whole = self._lost.whole(self._column, len(power)) if self._lost.any else None
+            self.leveller.level(power.T, self.noise, self._column, whole)
+            self._noise.only_rises = self.leveller.uneven
+        self._take(power, last=last)
+        if not self._noise.ready:
+            return None
+        level = self._noise.level
+        results = []
+        for search in self._searches:
+            found: list[Candidate] = []
+            for block in (power,) if was_ready else self._from_the_start(upto, last=last):
+                if len(self._excluded):
+                    block[:, self._excluded] = 0.0
+                found += search.push(block, level)
+            if last:
+                found += search.finish(level)
+            results.append((search, best_first(found)))
+        return results
+
+    def batch_key(self, upto: int) -> tuple[int, ...] | None:
+        """Properties that bands in one call of `advance_together` must share.
+
+        None: this one must advance alone.
+        """
+        spectrogram = self._spectrogram
+        first = spectrogram.needed()
+        if first < 0 or not self._noise.ready or self._kind is None:
+            return None
+        columns = columns_ahead(spectrogram, upto - first)
+        key = [upto - first, len(spectrogram.band)]
+        for search in self.anchor_searches():
+            if not 0 < columns <= search.piece:
+                return None
+            key += (search.pushed - search.columns, id(search.memory))
+        return (*key, *self._kind)
+
+    def know(self, pulses: KnownPulses | None) -> None:
+        """Suppress the candidates that known pulses explain, from the next step on."""
+        for search in self._searches:
+            search.known = pulses
+
+    def anchor_searches(self) -> list[AnchorSearch]:
+        """Get the searches whose cells may share one memory."""
+        return self._anchor_searches
+
+    def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
+        begin, self._column = self._column, self._column + len(power)
+        if len(power):
+            self._learn(power, begin, last=last)
+
+    def bursts(self, known: Sequence[Known]) -> Bursts:
+        """Other signals up to the present.
+
+        `known`: pulses of confirmed tags, which are not bursts.
+        """
+        search = self._searches[0]
+        self._bursts.look(
+            search.open_anchors(),
+            self._noise.level,
+            now_column=search.columns,
+            begin_column=self._begun,
+            known=known,
+        )
+        return self._bursts
+
+    def score(self) -> float:
+        """Highest statistic over its threshold since the last call, among those below 1."""
+        best = max(search.best for search in self._searches)
+        for search in self._searches:
+            search.best = 0.0
+        return min(best, 0.999)
+
+    def weakest_enr_db(self) -> float:
+        """ENR [dB] at which nine groups of ten reach the present threshold."""
+        search = self._searches[0]
+        return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
+
+    def take_over(self, other: "SearchBand", upto: int) -> None:
+        """Begin at an index in mid-stream with the noise of a band that includes this one."""
+        grid = self._grid
+        column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
+        self._column = self._begun = column
+        self._spectrogram.consumed = column * grid.hop // grid.decimation
+        offsets = other._grid.offsets_hz
+        level = np.interp(grid.offsets_hz, offsets, other.noise_now).astype(np.float32)
+        self._noise.take_over(other._noise, level)
+        self._heard_s = other._heard_s
+        for search in self._searches:
+            search.begin_at(column)
+
+    def _columns(
+        self, spectrogram: Spectrogram, upto: int, *, last: bool
+    ) -> NDArray[np.float32]:
+        """The next columns, up to a sample index; zeros follow the last sample."""
+        first = spectrogram.needed()
+        if first >= upto:
+            return np.zeros((0, self._grid.rows), np.float32)
+        stretch = self._buffer.view(max(0, first), upto)
+        begin = spectrogram.begun
+        if first < 0 or last:
+            ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
+            stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
+        power = spectrogram.push(stretch)
+        self._lost.weigh(power, begin)
+        return power
+
+    def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
+        """All columns so far, recomputed, which saves 0.3 MB before the noise is known."""
+        grid, at = self._grid, self._buffer.start
+        spectrogram = Spectrogram(grid)
+        if at:
+            column = 8 * math.ceil((at + grid.reach) / grid.hop / 8.0)
+            spectrogram.consumed = column * grid.hop // grid.decimation
+            yield np.zeros((column, grid.rows), np.float32)
+        while at < upto:
+            at = min(at + self._batch, upto)
+            if at == upto or at > spectrogram.needed() + grid.window:
+                yield self._columns(spectrogram, at, last=last and at == upto)
+
+    @property
+    def _knows_noise(self) -> bool:
+        return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
+
+    def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
+        whole = power
+        if self._lost.any:
+            whole = power[self._lost.whole(begin, len(power))]
+        self._learnt.append(whole[::NOISE_STRIDE].copy())
+        known = self._knows_noise
+        self._heard_s += len(whole) * self._grid.hop_s
+        if known:
+            if len(self._learnt) >= _LEARN_BATCHES:
+                self._noise.update(np.concatenate(self._learnt))
+                self._learnt.clear()
+                self._trust_noise()
+            return
+        if self._heard_s < self._first_noise_s and not last:
+            return
+        everything = np.concatenate(self._learnt)
+        if len(everything) >= 16:
+            self._noise.start(everything)
+            self._unsure = True
+            self._trust_noise()
+            if self._heard_s >= _YOUNG_NOISE_S:
+                self._learnt.clear()
+
+    def _trust_noise(self, *, always: bool = False) -> None:
+        """Raise the threshold by the noise's error until that is no more than usual."""
+        if not (self._unsure or always):
+            return
+        error = self._noise.relative_error
+        more = _MANY_LINES if self._noise.ragged else 1.0
+        for search in self._searches:
+            search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
+        self._unsure = error > USUAL_NOISE_ERROR
+
+
 def advance_together(
     bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
 ) -> list[list[tuple[RateSearch, list[Candidate]]]]:
-    """Do as `SearchBand.advance` for bands that have the same `batch_key`."""
+    """Run `SearchBand.advance` for bands with the same `batch_key`."""
     power = push_together(
         [band._spectrogram for band in bands],
         [
@@ -329,14 +340,14 @@ def advance_together(
         workspace,
     )
     for band, columns in zip(bands, power, strict=True):
-        band._weigh(columns.T, band._column)
+        band._lost.weigh(columns.T, band._column)
     level_together(
         [band.leveller for band in bands],
         power,
         [band.noise for band in bands],
         [band._column for band in bands],
         [
-            band._whole_columns(band._column, power.shape[2]) if band._broken else None
+            band._lost.whole(band._column, power.shape[2]) if band._lost.any else None
             for band in bands
         ],
     )
@@ -360,7 +371,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
     count = power.shape[2]
     plain = []
     for index, band in enumerate(bands):
-        if band._knows_noise and not band._broken:
+        if band._knows_noise and not band._lost.any:
             plain.append(index)
         else:
             band._take(power[index].T, last=False)
@@ -385,10 +396,10 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """How soon a group can reach a threshold: before, no noise needs to be known.
+    """Earliest time at which a group can reach a threshold; until then no noise is needed.
 
-    A cell adds no more than the limit, so a threshold needs several pulses, the last of them
-    some intervals after the stream's first sample.
+    A cell adds at most the limit, so a threshold needs several pulses, the last of them some
+    intervals after the stream's first sample.
     """
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)

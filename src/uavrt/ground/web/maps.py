@@ -1,4 +1,4 @@
-"""Map files that the user put into the folder ``maps``: PMTiles and MBTiles."""
+"""Map files in the folder ``maps``: PMTiles and MBTiles."""
 
 import asyncio
 import re
@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
 from uavrt.analysis.map_files import MapFile, read_map
-from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError, os_errors_as
 from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.routing import answered
 
@@ -28,7 +28,7 @@ _MIME = {
 
 
 def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
-    """Make the routes of map files, of which the browser reads parts, and of their tiles."""
+    """Make the routes of map files, which browsers read in parts, and of their tiles."""
 
     async def map_file(request: Request) -> Any:
         path = map_path(directory, request.path_params["name"])
@@ -51,7 +51,7 @@ def map_routes(directory: Path, worker: ForeignWorker) -> list[Route]:
 
 
 def map_list(directory: Path) -> list[dict[str, Any]]:
-    """List the maps with kind, bounds and zooms; what is none is named with its fault."""
+    """List the maps with kind, bounds and zooms; invalid files with their fault."""
     found = []
     for path in sorted(directory.iterdir()) if directory.is_dir() else []:
         if not _NAME.fullmatch(path.name):
@@ -74,27 +74,27 @@ def map_path(directory: Path, name: str) -> Path:
 async def store_map(
     directory: Path, name: str, chunks: AsyncIterator[bytes], worker: ForeignWorker
 ) -> dict[str, Any]:
-    """Write a map file as it comes, whole or not at all; return its facts."""
+    """Store an uploaded map file, complete or not at all; return its facts."""
     if not _NAME.fullmatch(name):
         raise UsageError(
             f"{name[:80]!r} cannot be a map's name",
             remedy="Take letters, digits, spaces and . ( ) - _, then .pmtiles or .mbtiles",
         )
     taken = 0
-    try:
-        # A folder of its own: errors name the file, and two may come at once.
-        with TemporaryDirectory(prefix=".coming-", dir=directory) as coming:
-            part = Path(coming) / name
-            with part.open("wb") as file:
-                async for chunk in chunks:
-                    taken += len(chunk)
-                    if taken > MAX_MAP:
-                        raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
-                    await asyncio.to_thread(file.write, chunk)
-            facts = _facts(await worker.call(read_map, part))
-            part.replace(directory / name)
-    except OSError as error:
-        raise RecordingError(f"{name} cannot be kept: {error.strerror}") from error
+    # A folder of its own: errors name the file, and two may come at once.
+    with (
+        os_errors_as(RecordingError, f"{name} cannot be kept"),
+        TemporaryDirectory(prefix=".coming-", dir=directory) as coming,
+    ):
+        part = Path(coming) / name
+        with part.open("wb") as file:
+            async for chunk in chunks:
+                taken += len(chunk)
+                if taken > MAX_MAP:
+                    raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
+                await asyncio.to_thread(file.write, chunk)
+        facts = _facts(await worker.call(read_map, part))
+        part.replace(directory / name)
     return {"name": name, "fault": None, **facts}
 
 
@@ -104,7 +104,7 @@ def _facts(one: MapFile) -> dict[str, Any]:
 
 
 def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:
-    """Get a tile of an MBTiles file: content, media type, encoding; None without one."""
+    """Get a tile of an MBTiles file: content, media type, encoding; None if missing."""
     content = read_map(path).tile(z, x, y)
     if content is None:
         return None
