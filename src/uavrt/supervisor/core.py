@@ -61,11 +61,7 @@ CLOSE_S = 5.0
 
 
 class Supervisor:
-    """Joins mission, processes and records.
-
-    `on_record`: also called with each record line that passes, for viewers. `launcher`: starts
-    the processes; its nursery may be warming up already.
-    """
+    """Joins mission, processes and records; `on_record` gets each line, for viewers."""
 
     def __init__(
         self,
@@ -127,10 +123,7 @@ class Supervisor:
     # ------------------------------------------------------------------ life
 
     def claim(self) -> None:
-        """Become the only supervisor of these flights, and resume an unfinished one.
-
-        Raises `ConfigError` if another supervisor runs.
-        """
+        """Become the flights' only supervisor; raises `ConfigError` if there is another."""
         self._store.claim()
         self.mission.resume()
 
@@ -216,7 +209,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart the search; publish the tags again, so that its last news are dropped."""
+        """Restart the search; publish the tags again to drop its pending records."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
@@ -281,7 +274,7 @@ class Supervisor:
     # -------------------------------------------------------------- watching
 
     def _watch_wall_clock(self) -> None:
-        """Note in the flight that the wall clock was corrected; the flight's is not."""
+        """Record a correction of the wall clock in the flight, whose own clock is unchanged."""
         if self.mission.flights.flight is None:
             return
         if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:

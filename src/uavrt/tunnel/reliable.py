@@ -155,10 +155,7 @@ class ReliableSender(Generic[T]):
         return None if due_ns == math.inf else max(0, int(due_ns) - now_ns)
 
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
-        """Return the payload that goes now.
-
-        `rate_bytes_s`: of the link, for the choice between oldest and newest.
-        """
+        """Return the payload that goes now, by the link's rate."""
         self._expire(now_ns)
         may_go = self.wait_ns(now_ns) == 0
         entry = self.pulses.next(now_ns, rate_bytes_s) if may_go else None

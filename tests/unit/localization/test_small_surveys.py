@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from depth import seeds
 
 from uavrt.localization import PowerTrack, estimate_position
 from uavrt.localization.position.level_evidence import Propagation
@@ -23,7 +24,7 @@ def test_the_truth_is_never_far_likelier_than_the_reported_place(
     north = (line * spacing_m) % 72.0 - 30.0
     latitude, longitude = PLANE.to_geodetic(east, north)
     held = 0
-    for seed in range(24):
+    for seed in seeds(8, 24):
         rng = np.random.default_rng(seed)
         tag = rng.uniform(-35.0, 35.0), rng.uniform(*south_m)
         ground = np.hypot(east - tag[0], north - tag[1])
@@ -47,4 +48,4 @@ def test_the_truth_is_never_far_likelier_than_the_reported_place(
         truth, reported = fit.log_likelihood
         assert truth - reported <= 10.0
         held += int(np.hypot(x[0] - tag[0], y[0] - tag[1]) <= found.radius95_m)
-    assert held >= 20
+    assert held >= 0.83 * (seed + 1)

@@ -78,7 +78,7 @@ async def test_a_command_before_a_drone_is_found_is_refused_with_a_remedy(world:
     task = asyncio.create_task(ground.run(world.ground_address))
     with pytest.raises(LinkError, match="autopilot forwards"):
         await ground.wait_for_drone(0.1)
-    with pytest.raises(LinkError, match="has not been heard"):
+    with pytest.raises(LinkError, match="no contact with the drone yet"):
         await ground.stop_detection()
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)

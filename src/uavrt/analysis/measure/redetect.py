@@ -80,10 +80,7 @@ class FlightWriter:
         self._recorder.commit()
 
     def close(self) -> None:
-        """Complete the directory.
-
-        Raises `RecordingError`: the disk is full.
-        """
+        """Complete the directory; raises `RecordingError` if the disk is full."""
         self._recorder.close()
 
     def discard(self) -> None:

@@ -7,12 +7,13 @@ interferer: their share is estimated at each place in the same way.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.lean_scipy import special
 from uavrt.localization.position.level_evidence import Propagation
 
@@ -69,29 +70,6 @@ class HeardSums:
             xx=dot(x, x),
             xz=dot(x, z),
             zz=dot(z, z),
-        )
-
-    @classmethod
-    def joined(cls, parts: Sequence["HeardSums"]) -> "HeardSums":
-        """Join the sums of several parts of the places."""
-        return cls(
-            count=parts[0].count,
-            x=np.concatenate([one.x for one in parts]),
-            z=np.concatenate([one.z for one in parts]),
-            xx=np.concatenate([one.xx for one in parts]),
-            xz=np.concatenate([one.xz for one in parts]),
-            zz=np.concatenate([one.zz for one in parts]),
-        )
-
-    def at(self, places: slice) -> "HeardSums":
-        """Sums at some of the places."""
-        return HeardSums(
-            count=self.count,
-            x=self.x[places],
-            z=self.z[places],
-            xx=self.xx[places],
-            xz=self.xz[places],
-            zz=self.zz[places],
         )
 
     def energy(self, level: _Floats, exponent: _Floats) -> _Floats:
@@ -158,11 +136,7 @@ class CensoredSums:
     @classmethod
     def joined(cls, parts: Sequence["CensoredSums"]) -> "CensoredSums":
         """Join the sums of several parts of the places."""
-        return cls(
-            heard=HeardSums.joined([one.heard for one in parts]),
-            missed_loss=np.concatenate([one.missed_loss for one in parts]),
-            limit_db=np.concatenate([one.limit_db for one in parts]),
-        )
+        return replace(joined_rows(parts), heard=joined_rows([one.heard for one in parts]))
 
     def cut(self) -> Iterator["CensoredSums"]:
         """Cut places into parts that the processor's cache holds with all misses."""
@@ -170,11 +144,7 @@ class CensoredSums:
         size = max(1, _TOGETHER // max(1, misses))
         for first in range(0, places, size):
             those = slice(first, first + size)
-            yield CensoredSums(
-                heard=self.heard.at(those),
-                missed_loss=self.missed_loss[those],
-                limit_db=self.limit_db[those],
-            )
+            yield replace(chosen_rows(self, those), heard=chosen_rows(self.heard, those))
 
 
 def censored_fit(
@@ -189,11 +159,8 @@ def censored_fit(
     `miss_weight`: number of misses that each represents.
     `correlation`: of neighbouring pulses' fading, the same for all compared places.
     """
-    fits = [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]
-    return CensoredFit(
-        log_likelihood=np.concatenate([one.log_likelihood for one in fits]),
-        level_db=np.concatenate([one.level_db for one in fits]),
-        exponent=np.concatenate([one.exponent for one in fits]),
+    return joined_rows(
+        [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]
     )
 
 

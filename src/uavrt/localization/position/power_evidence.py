@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.lean_scipy import special
 from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
 from uavrt.localization.position.censored_power import (
@@ -61,15 +62,7 @@ class PowerTrack:
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
         """Some of the pulses."""
-        return replace(
-            self,
-            latitude_deg=self.latitude_deg[kept],
-            longitude_deg=self.longitude_deg[kept],
-            height_m=self.height_m[kept],
-            snr_db=self.snr_db[kept],
-            yaw_deg=None if self.yaw_deg is None else self.yaw_deg[kept],
-            time_s=None if self.time_s is None else self.time_s[kept],
-        )
+        return chosen_rows(self, kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,7 +145,7 @@ class PowerEvidence:
         """Fit level and exponent to the sums of some parts of places."""
         whole = [one for one in sums if isinstance(one, _Sums)]
         if whole:
-            return self._levelled(_uncensored(_Sums.joined(whole), _CORRELATIONS))
+            return self._levelled(_uncensored(joined_rows(whole, axis=1), _CORRELATIONS))
         fit = censored_fit(
             CensoredSums.joined([one for one in sums if isinstance(one, CensoredSums)]),
             self._miss_weight,
@@ -322,15 +315,6 @@ class _Sums:
             both=2.0 * np.concatenate([whole[:2] - 0.5 * ends[:2], lagged]),
             count=x.shape[1],
             prior=prior,
-        )
-
-    @classmethod
-    def joined(cls, parts: Sequence["_Sums"]) -> "_Sums":
-        return replace(
-            parts[0],
-            whole=np.concatenate([one.whole for one in parts], axis=1),
-            inner=np.concatenate([one.inner for one in parts], axis=1),
-            both=np.concatenate([one.both for one in parts], axis=1),
         )
 
     def _normal(self, rho: float | _Floats) -> tuple[float | _Floats, _Floats]:

@@ -65,7 +65,7 @@ class Fleet:
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
         self._strangers = set(launcher.children())
-        """Children of this program from before, which are no orphans of ours."""
+        """Children of this program from before its start, which are not our orphans."""
         self._spared: set[int] = set()
         self._ending: set[int] = set()
         """Orphans that were killed and have not gone yet."""
@@ -223,7 +223,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def sparing(self, pid: int) -> Iterator[None]:
-        """Exempt a child of this program that is in no row from the search for orphans."""
+        """Exempt a child of this program that belongs to no row from the search for orphans."""
         self._spared.add(pid)
         try:
             yield
