@@ -108,10 +108,7 @@ def iso_intervals(stretches: Iterable[tuple[int, int]]) -> str:
 
 
 def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
-    """Read what `iso_intervals` wrote: begin and end of each [ns, UTC].
-
-    Raises `ValueError`: it is none.
-    """
+    """Read what `iso_intervals` wrote: begin and end of each [ns, UTC]; raises `ValueError`."""
     pairs = (one.split("/") for one in text.split())
     return tuple((parse_iso_utc(begin), parse_iso_utc(end)) for begin, end in pairs)
 

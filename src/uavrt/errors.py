@@ -127,11 +127,7 @@ class LinkError(UavrtError):
 
 
 class TunnelError(UavrtError):
-    """A tunnel payload is not valid.
-
-    `message`: what is wrong with it.
-    `payload`: the payload as received.
-    """
+    """A tunnel payload as received is not valid; `message` says what is wrong."""
 
     def __init__(self, message: str, payload: bytes) -> None:
         self.payload = bytes(payload)
@@ -139,11 +135,7 @@ class TunnelError(UavrtError):
 
 
 class PoseUnavailable(UavrtError):
-    """No pose is known around that time.
-
-    `time_ns`: the time asked for [ns, UTC].
-    `retry_later`: True when a pose after `time_ns` may still arrive.
-    """
+    """No pose is known around a time [ns]; `retry_later`: one after it may still arrive."""
 
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
         self.time_ns = time_ns
@@ -177,3 +169,14 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
             f"{what} needs a package that is not installed ({error.name or error})",
             remedy=f"Run: pip install 'uavrt[{extra}]'{otherwise}",
         ) from error
+
+
+@contextmanager
+def os_errors_as(
+    kind: type[UavrtError], failed: str, *, remedy: str | None = None
+) -> Iterator[None]:
+    """Context that raises its `OSError` as `kind`: what failed, the system's reason."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{failed}: {error.strerror or error}", remedy=remedy) from error

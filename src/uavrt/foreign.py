@@ -219,10 +219,7 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
 
 
 def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN) -> T:
-    """Read a JSON file of one record.
-
-    Raises `OSError`, or `FormatError` if it is damaged, too large, or no plain file.
-    """
+    """Read a JSON file of one record; raises `OSError`, or `FormatError` if damaged."""
     return decode_record(read_file(path, limit), kind)
 
 
@@ -298,10 +295,7 @@ def shortened(faults: list[str]) -> list[str]:
 
 
 def size_of(path: Path) -> int:
-    """Size of a plain file [bytes].
-
-    Raises `OSError`, or `FormatError` if it is a pipe, a device, or mostly holes.
-    """
+    """Size of a plain file [bytes]; raises `OSError`, or `FormatError` for any other."""
     about = path.stat()
     require_plain_file(path, about.st_mode)
     _check_holes(about, path)

@@ -23,7 +23,6 @@ def fill_pools() -> list[object]:
     New objects take free places between old ones first, and each makes one more inherited page
     the process's own, at ten pages a minute, for hours. With none left, new objects stay
     together. Takes 10 ms and 0.4 MB, once.
-
     Returns the filling objects, to be kept.
     """
     kept: list[object] = [None] * _MOST_BLOCKS  # made whole: growing it would take places

@@ -46,7 +46,7 @@ _sink = _Sink()
 
 
 class Logger:
-    """Writes events: ``log.warning("samples lost", count=3)``."""
+    """Writes events: ``log.info("samples lost", count=3)``."""
 
     def debug(self, event: str, **facts: Any) -> None:
         """Log details for developers."""

@@ -59,7 +59,7 @@ class Tag:
 
     @property
     def coded(self) -> bool:
-        """Whether it sends bursts whose gaps identify it."""
+        """True if it sends bursts whose gaps identify it."""
         return bool(self.gaps_s)
 
     @property
@@ -102,7 +102,7 @@ class Pulse:
     ghost_of_tag_id: int | None = None
     """The stronger tag whose ghost it is: its image in the receiver, or by saturation."""
     clipped: bool = False
-    """Whether the receiver's converter was at its limits; `snr_db` is then a lower bound."""
+    """True if the receiver's converter was at its limits; `snr_db` is then a lower bound."""
     burst_starts_ns: tuple[int, ...] = ()
     """Measured starts of the pulses in a coded tag's burst, which is one record. Covered and
     lost pulses are left out; empty for a beep."""
@@ -175,7 +175,7 @@ class Pose:
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
-    """Whether no later pose was known in time, or the autopilot's clock was unknown for 10
+    """True if no later pose was known in time, or the autopilot's clock was unknown for 10
     s."""
 
 
@@ -269,13 +269,13 @@ class Beep:
         return self.offsets_hz[0] if self.offsets_hz else None
 
     def same_as(self, other: "Beep") -> bool:
-        """Whether both are measurements of one sender."""
+        """True if both are measurements of one sender."""
         near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
         return near and self.kind is other.kind
 
     @property
     def odd(self) -> bool:
-        """Whether it differs from the list, and is worth a line."""
+        """True if it differs from its list entry, so that the operator should be informed."""
         if self.kind is BeepKind.DOUBTFUL:
             return bool(self.tag_ids)
         return self.kind is not BeepKind.LISTED
@@ -334,7 +334,7 @@ def _distance(hz: float) -> str:
 
 
 def keep_beep(known: list[Beep], new: Beep) -> bool:
-    """Replace older measurements of the same sender; whether the sender is new."""
+    """Replace older measurements of the same sender; return whether the sender is new."""
     for place, other in enumerate(known):
         if other.same_as(new):
             known[place] = new
@@ -468,7 +468,7 @@ class SystemStatus:
     commander: str | None = None
     """Source of accepted commands: ``"mavlink 255/190"``; None before the first."""
     ending: bool = False
-    """Whether Stop was commanded: the state lasts until the last pulses are recorded."""
+    """True after Stop was commanded, until the last pulses are recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -594,7 +594,7 @@ class Motion:
     radius_m: float | None = None
     """Radius of a search around the drone, without an outline."""
     wish_m: float = 25.0
-    """Target accuracy: radius that holds a found tag with 95 %."""
+    """Target accuracy: radius around a found tag that contains it with 95 % [m]."""
     keep_out: tuple[KeepOut, ...] = ()
     """Keep-out areas in addition to those of the drone's settings."""
 
@@ -728,9 +728,9 @@ class MotionOffer:
     mode: str = ""
     """Mode that the drone would leave, as in the summary."""
     refused: bool = False
-    """Whether it is refused; the summary is the reason."""
+    """True if it is refused; the summary is the reason."""
     takeoff: bool = False
-    """Whether it begins on the ground."""
+    """True if it begins on the ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -744,16 +744,16 @@ class VehicleSeen:
     speed_m_s: float
     yaw_deg: float | None
     home: tuple[float, float]
-    """Latitude and longitude [deg]."""
+    """Latitude and longitude [deg] of home."""
     battery_percent: float | None
     obeyed: bool
-    """Whether the last command is seen to be obeyed."""
+    """True if the vehicle reports the target of the last command."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
     ground_silent_s: float
     settling: bool = False
-    """Whether it is near its target and still moving: only a return or a stop may follow."""
+    """True if it is near its target and still moving: only a return or a stop may follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -817,11 +817,11 @@ Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
-    """The guide's wish for the vehicle; `uavrt.guidance.authority` decides."""
+    """The guide's requested motion; `uavrt.guidance.authority` decides on it."""
 
     order_id: int | None
     wish: Wish | None = None
-    """None: nothing new, the guide is alive."""
+    """None: no new request, only a heartbeat."""
     ends: bool = False
     """The order has ended."""
     said: str = ""

@@ -24,10 +24,7 @@ def latitude_on_earth(value_deg: float) -> float:
 
 
 def longitude_on_earth(value_deg: float) -> float:
-    """Pass a longitude [deg]; one from 0° to 360° is turned to -180° to 180°.
-
-    Raises `OffEarthError` beyond two turns, or if it is no number.
-    """
+    """Longitude in -180° to 180°, also of 0° to 360°; raises `OffEarthError` for others."""
     if not abs(value_deg) <= 360.0:
         raise OffEarthError(f"{value_deg:.12g} is not a longitude", remedy=_remedy(value_deg))
     return value_deg if -180.0 <= value_deg < 180.0 else math.remainder(value_deg, 360.0)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 SIGMF_FULL_SCALE = "uavrt:full_scale"
 """Entry in the global part of SigMF: what a sample at the stored type's full scale means."""
 NANOSECONDS_PER_SECOND = 1_000_000_000
+SPEED_OF_LIGHT_M_S = 299_792_458.0
 
 
 def db_from_power(ratio: float) -> float:

@@ -151,10 +151,10 @@ def _so(found: Measured) -> str:
     by_disk_s = ARCHIVE_BYTES * (1.0 + more) / MACHINES / DISK
     short_s = hour_s * (SHORT_CELL_S + LEAD_IN_S) / HOUR_S
     return (
-        f"A disk of its own feeds {DISK / found.core_bytes_a_second:.1f} cores; more cores in "
-        "a machine wait for it. A common store is the limit long before cores are: buy "
+        f"A local disk supplies {DISK / found.core_bytes_a_second:.1f} cores; more cores in a "
+        "machine wait for it. A shared store becomes the limit long before the cores: buy "
         "bandwidth, not processors. Twice the machines with twice the disks take "
-        f"{by_disk_s / 120:.0f} min, and there the next wall stands: the one process that "
+        f"{by_disk_s / 120:.0f} min; the next limit is the one process that "
         f"joins cells and writes Parquet ({round(1.0 / WRITING_S, -4):.0f} pulses a second). "
         f"The last cells leave cores idle for up to one cell's {hour_s * (1.0 + more):.0f} s; "
         f"`--cell {SHORT_CELL_S:.0f}` makes that {short_s:.0f} s and costs "

@@ -17,7 +17,7 @@ from some import some
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
-from uavrt.guidance.progress import STANDS_S
+from uavrt.guidance.safety import SAFETY
 from uavrt.mavlink.dialect import MavCmd
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
@@ -325,7 +325,10 @@ def takeover_fault(name: str, flavour: Flavour, seed: int) -> str | None:
     if name == "pause by 193":
         # Paused within the tolerance of its target, it shows by not leaving for the next.
         until_s = max(
-            [(stood_s or begun_s) + 4.0, *(one + STANDS_S + 0.3 for one in late[-1:])]
+            [
+                (stood_s or begun_s) + 4.0,
+                *(one + SAFETY.no_progress_s + 0.3 for one in late[-1:]),
+            ]
         )
         arrives = reason in WELL and not late  # paused as good as at its last place
         if not arrives and (stood_s is None or out_s > until_s):

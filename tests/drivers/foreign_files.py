@@ -771,7 +771,7 @@ def start_drone(path: Path) -> object:
     from uavrt.messages import Tag
     from uavrt.processes.signing_memory import SigningMemory
     from uavrt.recording.kept_file import KeptFile
-    from uavrt.supervisor.mission.kept_parameters import KeptParameters
+    from uavrt.supervisor.mission.kept_parameters import SettingsInForce
     from uavrt.supervisor.mission.saved_state import StateStore
 
     settings = Settings(recording=RecordingSettings(directory=str(path.parent)))
@@ -779,9 +779,8 @@ def start_drone(path: Path) -> object:
         SigningMemory(Signing(SigningKey(bytes(32)), lambda: 0), path.parent)
     if path.name == "last_tags.json":
         return KeptFile(path, tuple[Tag, ...], "last tags").read()
-    return StateStore(path.parent).read(), KeptParameters(path.parent, settings).applied_to(
-        settings
-    )
+    in_force = SettingsInForce(settings, on_change=lambda _changed: None)
+    return StateStore(path.parent).read(), in_force.now
 
 
 def read_update_file(path: Path) -> object:

@@ -29,7 +29,6 @@ from uavrt.messages import (
     IQBlock,
     LiveBearing,
     Pose,
-    Poses,
     ProcessStatus,
     Pulse,
     PulsePose,
@@ -169,8 +168,8 @@ def flight(
 ) -> Path:
     """Record a whole flight; its directory."""
     recorder = FlightRecorder.create(info, settings)
-    recorder.write_poses(Poses(poses=tuple(poses)))
-    recorder.write_pulse_poses(pulse_poses)
+    recorder.write(*poses)
+    recorder.write_pulses(pulse_poses)
     recorder.write_pulses(pulses)
     recorder.close()
     return Path(info.directory)

@@ -83,7 +83,7 @@ class WillingDrone:
     @property
     def tags(self) -> int:
         """Tags of the last list."""
-        return len(self.world.mission.tags)
+        return len(self.world.mission.upload.tags)
 
     def close(self) -> None:
         """Stop the drone and its thread."""

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.terrain.diffraction import EARTH_M, LIGHT_M_S, beyond_level_db, edge_parameters
+from uavrt.terrain.diffraction import EARTH_M, beyond_level_db, edge_parameters
+from uavrt.units import SPEED_OF_LIGHT_M_S
 
 _Floats = NDArray[np.floating]
 
@@ -22,7 +23,7 @@ def terrain_loss_db(
     `height_m`: of the ground, of any datum.
     `antenna_m`, `tag_m`: heights above the ground at either end.
     """
-    wavelength = LIGHT_M_S / frequency_hz
+    wavelength = SPEED_OF_LIGHT_M_S / frequency_hz
     x = np.asarray(distance_m, np.float64)
     ground = np.asarray(height_m, np.float64) - x * x / (2.0 * EARTH_M)
     nu = edge_parameters(

@@ -1,7 +1,9 @@
 """The documents say only what is there: links, commands, make targets, settings."""
 
+import ast
 import dataclasses
 import re
+import runpy
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -21,6 +23,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 CODE_SPAN = re.compile(r"`([^`\n]+)`")
 COMMAND = re.compile(r"(?:^|[|&;]\s*|\.venv/bin/|\s)uavrt (\w[\w-]*)")
+CODE = {".py", ".ts", ".sh", ".c", ".h"}
 MAKE = re.compile(r"(?:^|\s)make ([\w-]+)")
 
 
@@ -156,16 +159,28 @@ def test_every_tag_file_in_the_documents_is_read_without_fault(tmp_path: Path) -
         assert read_tags(path)
 
 
-def test_the_map_of_the_code_names_every_package_and_only_files_that_exist() -> None:
+def test_the_map_of_the_code_is_as_its_script_writes_it_and_names_files_that_exist() -> None:
     page = (ROOT / "docs/explanation/where-does-it-live.md").read_text(encoding="utf-8")
+    script = runpy.run_path(str(ROOT / "docs/_ext/code_map.py"))
+    assert page == script["written"](page), "run: python docs/_ext/code_map.py"
     spans = set(CODE_SPAN.findall(FENCE.sub("", page)))
     source = ROOT / "src/uavrt"
-    packages = {path.parent.name for path in source.glob("*/__init__.py")}
-    assert packages <= spans
+    assert {path.parent.name for path in source.glob("*/__init__.py")} <= spans
     paths = {span for span in spans if re.fullmatch(r"[\w/]+(/|\.py)", span)}
     assert {
         span for span in paths if not ((source / span).exists() or (ROOT / span).exists())
     } == set()
+
+
+def test_every_module_that_a_package_presents_exists() -> None:
+    """In `__init__` a lower-case name is a module of the package, or one of its functions."""
+    for package in (ROOT / "src/uavrt").rglob("__init__.py"):
+        text = ast.get_docstring(ast.parse(package.read_text(encoding="utf-8"))) or ""
+        modules = list(package.parent.rglob("*.py"))
+        there = {path.stem for path in modules} | {path.parent.name for path in modules}
+        for name in set(re.findall(r"(?<!`)`([a-z_0-9]+)`(?!`)", text)) - there:
+            defined = (f"def {name}(" in path.read_text(encoding="utf-8") for path in modules)
+            assert any(defined), f"{name_of(package)}: {name}"
 
 
 def test_where_a_change_goes_is_told_by_files_that_exist() -> None:
@@ -177,20 +192,31 @@ def test_where_a_change_goes_is_told_by_files_that_exist() -> None:
     assert not {one for one in paths if not ((source / one).exists() or (ROOT / one).exists())}
 
 
-def test_every_decision_has_its_own_number_and_says_it() -> None:
-    pages = [path for path in DOCS if path.parent.name == "decisions" and path.stem != "index"]
-    numbers = [path.stem[:4] for path in pages]
-    assert len(set(numbers)) == len(numbers)
-    for path in pages:
-        title = path.read_text(encoding="utf-8").splitlines()[0]
-        assert re.match(rf"# (Decision )?{path.stem[:4]}\b", title), name_of(path)
+DECISIONS = sorted((ROOT / "docs/decisions").glob("0*.md"))
 
 
-def test_every_decision_says_once_what_its_state_is_and_since_when() -> None:
-    pages = sorted((ROOT / "docs/decisions").glob("0*.md"))
-    assert len(pages) > 70
-    for path in pages:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        told = [line for line in lines if re.match(r"\W*(Status|Date)\b.*:", line)]
-        assert len(told) == 1, name_of(path)
-        assert re.match(r"Status: \w+, \d{4}-\d{2}-\d{2}\b", told[0]), name_of(path)
+def test_every_decision_has_one_number_one_status_and_the_same_four_parts() -> None:
+    assert len({path.stem[:4] for path in DECISIONS}) == len(DECISIONS)
+    for path in DECISIONS:
+        title, _, status, *text = path.read_text(encoding="utf-8").splitlines()
+        assert title.startswith(f"# {path.stem[:4]} "), name_of(path)
+        assert re.match(r"Status: accepted, \d{4}-\d{2}-\d{2}\b", status), name_of(path)
+        parts = [found[1] for line in text if (found := re.match(r"\*\*(\w+)\.\*\*", line))]
+        assert parts == ["Context", "Decision", "Alternatives", "Consequences"], name_of(path)
+
+
+def test_the_list_of_decisions_has_a_line_for_each_of_at_most_forty() -> None:
+    page = (ROOT / "docs/decisions/index.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| \[(\d{4})\]\((.+?)\.md\) \| .{20,} \|$", page, re.MULTILINE)
+    assert listed == [(path.stem[:4], path.stem) for path in DECISIONS]
+    assert len(DECISIONS) <= 40
+
+
+def test_every_decision_that_is_cited_exists() -> None:
+    numbers = {path.stem[:4] for path in DECISIONS}
+    cited = [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "hatch_build.py"]
+    for folder in ("src", "tests", "docs/_ext", "page/src", "deploy", "native"):
+        cited += [path for path in (ROOT / folder).rglob("*") if path.suffix in CODE]
+    for path in cited:
+        text = path.read_text(encoding="utf-8")
+        assert set(re.findall(r"decisions?[/ ](0\d{3})\b", text)) <= numbers, name_of(path)

@@ -1,5 +1,7 @@
 """Errors name what is missing and what to do."""
 
+import errno
+import os
 import sys
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import pytest
 
 from uavrt.analysis.report.style import styled
 from uavrt.analysis.tracks.ulog import read_ulog
-from uavrt.errors import UsageError, needs_extra
+from uavrt.errors import RecordingError, UsageError, needs_extra, os_errors_as
 
 
 @pytest.mark.parametrize(
@@ -41,3 +43,16 @@ def test_other_errors_pass() -> None:
 )
 def test_a_remedy_follows_as_a_sentence_of_its_own(said: str, read: str) -> None:
     assert str(UsageError(said, remedy="Name one")) == read
+
+
+def test_an_error_of_the_system_becomes_ours_with_its_reason() -> None:
+    with (
+        pytest.raises(RecordingError, match=r"^cannot write it: No space.*\. Make room$"),
+        os_errors_as(RecordingError, "cannot write it", remedy="Make room"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with (
+        pytest.raises(UsageError, match=r"^cannot read it: only text\.?$"),
+        os_errors_as(UsageError, "cannot read it"),
+    ):
+        raise OSError("only text")

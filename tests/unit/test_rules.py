@@ -1,10 +1,13 @@
 """Rules of the house that no linter knows."""
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 from uavrt.supervisor.tree.shapes import SHAPES
 
@@ -34,36 +37,42 @@ TYPED = (
 )
 """Packages in which a record is a dataclass."""
 
-
-LOOKED_AT = (ast.BinOp, ast.Constant, ast.Subscript, ast.ImportFrom)
+NUMBERS = {
+    "detection": 440,
+    "localization": 229,
+    "integration": 106,
+    "planning": 22,
+    "guidance": 20,
+}
+"""Most numbers in modules and classes that are no frozen record; fewer is better."""
+PROTOCOL = ("guidance/mission.py", "guidance/plan_file.py")
+"""Modules whose numbers are those of MAVLink and of QGroundControl's plans."""
 
 
 @cache
-def nodes_of_all() -> dict[Path, list[ast.AST]]:
-    """What the rules look at, of each module."""
+def texts() -> dict[str, str]:
+    """Modules of the product and its experiments, by name."""
     experiments = SOURCE.parent / "uavrt_experiments"
-    return {
-        path: [
-            node
-            for node in ast.walk(ast.parse(path.read_text()))
-            if isinstance(node, LOOKED_AT)
-        ]
+    named = {
+        path.relative_to(SOURCE.parent).as_posix().removeprefix("uavrt/"): path.read_text()
         for path in sorted([*SOURCE.rglob("*.py"), *experiments.rglob("*.py")])
     }
+    own = set(OWN_ARITHMETIC)
+    return {name: text for name, text in named.items() if not own & set(Path(name).parts)}
 
 
-def modules() -> Iterator[tuple[str, list[ast.AST]]]:
-    for path, nodes in nodes_of_all().items():
-        name = path.relative_to(SOURCE.parent).as_posix().removeprefix("uavrt/")
-        if not set(OWN_ARITHMETIC) & set(Path(name).parts):
-            yield name, nodes
+def nodes(pattern: str) -> Iterator[tuple[str, ast.AST]]:
+    """Syntax of all modules in whose text a pattern stands; to parse all takes seconds."""
+    for name, text in texts().items():
+        if re.search(pattern, text):
+            for node in ast.walk(ast.parse(text)):
+                yield name, node
 
 
 def test_angles_are_wrapped_in_units_alone() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, nodes in modules()
-        for node in nodes
+        for name, node in nodes(r"%=?\s*360")
         if isinstance(node, ast.BinOp)
         and isinstance(node.op, ast.Mod)
         and isinstance(node.right, ast.Constant)
@@ -75,8 +84,7 @@ def test_angles_are_wrapped_in_units_alone() -> None:
 def test_seconds_become_nanoseconds_by_units_alone() -> None:
     found = {
         f"{name}:{node.lineno}"
-        for name, nodes in modules()
-        for node in nodes
+        for name, node in nodes(r"(?i)1\.?0*e\+?0*9|1(_?0){9}")
         if isinstance(node, ast.Constant)
         and isinstance(node.value, int | float)
         and node.value == 1e9
@@ -88,10 +96,10 @@ def test_seconds_become_nanoseconds_by_units_alone() -> None:
 def test_records_of_the_inner_packages_are_no_dictionaries() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, nodes in modules()
+        for name, node in nodes(r"dict\[\s*str\s*,\s*Any")
         if name.split("/")[0] in TYPED
-        for node in nodes
-        if isinstance(node, ast.Subscript) and ast.unparse(node) == "dict[str, Any]"
+        and isinstance(node, ast.Subscript)
+        and ast.unparse(node) == "dict[str, Any]"
     ]
     assert not found, "make a frozen dataclass of it"
 
@@ -99,8 +107,7 @@ def test_records_of_the_inner_packages_are_no_dictionaries() -> None:
 def test_what_a_function_returns_is_described_in_one_place() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, nodes in modules()
-        for node in nodes
+        for name, node in nodes(r"(?s)Returns: .*Returns: ")
         if isinstance(node, ast.Constant)
         and isinstance(node.value, str)
         and node.value.count("\n    Returns: ") + node.value.count("\n        Returns: ") > 1
@@ -136,3 +143,40 @@ def test_the_contract_of_independence_names_every_process() -> None:
     processes = {module for module in rows if module.startswith("uavrt.processes.")}
     made_of_others = {"uavrt.processes.chain"}
     assert set(independent["modules"]) == processes - made_of_others
+
+
+def numbers_in(body: list[ast.stmt]) -> Iterator[str]:
+    """Names that are set to numbers alone, also in classes that are no dataclass."""
+    for node in body:
+        if isinstance(node, ast.ClassDef) and not node.decorator_list:
+            yield from numbers_in(node.body)
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and is_number(node.value):
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            yield from map(
+                ast.unparse, target.elts if isinstance(target, ast.Tuple) else [target]
+            )
+
+
+def is_number(value: ast.expr | None) -> bool:
+    nodes = [] if value is None else list(ast.walk(value))
+    constants = [node.value for node in nodes if isinstance(node, ast.Constant)]
+    names = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return (
+        bool(constants) and names <= {"np", "math"} and {*map(type, constants)} <= {int, float}
+    )
+
+
+@pytest.mark.parametrize("package", NUMBERS)
+def test_numbers_stand_in_frozen_records(package: str) -> None:
+    found = [
+        f"{path.relative_to(SOURCE)}: {name}"
+        for path in sorted((SOURCE / package).rglob("*.py"))
+        if path.relative_to(SOURCE).as_posix() not in PROTOCOL
+        for name in numbers_in(ast.parse(path.read_text()).body)
+    ]
+    assert len(found) <= NUMBERS[package], "put new ones into the record of their stage"
+
+
+def test_what_counts_as_a_number() -> None:
+    text = "A, B = 1.0, -2\nC: T = np.log(np.array([2.0]))\nD = A * 2.0\nclass E:\n    F = 3\n"
+    assert list(numbers_in(ast.parse(text).body)) == ["A", "B", "C", "F"]

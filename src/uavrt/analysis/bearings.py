@@ -54,10 +54,7 @@ class Recorded:
 
     @property
     def antenna(self) -> str:
-        """Name of the antenna pattern; an upright whip for a log without headings.
-
-        Raises `UsageError`: the drone's antenna is not known here.
-        """
+        """Antenna's name, a whip for logs without headings; raises `UsageError` if unknown."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
@@ -85,10 +82,7 @@ class Recorded:
 
 
 def read_recorded(path: str | os.PathLike[str]) -> Recorded:
-    """Read a flight directory or a pulse log in any known format.
-
-    Raises `FormatError`: the path holds neither.
-    """
+    """Read a flight or a pulse log of any known format; raises `FormatError` for others."""
     place = Path(path)
     if place.name == "flight.sqlite":
         place = place.parent

@@ -18,7 +18,7 @@ from uavrt.messages import Tag
 from uavrt.planning.area import Polygon, survey_lines
 from uavrt.planning.coverage import Coverage, ListeningWay, coverage_of, listening_way
 from uavrt.planning.link_budget import LinkBudget
-from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.planning.whole_flight import MODEL
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.squares import GroundGrid, ground_grid
@@ -104,10 +104,7 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Read one outline into plane coordinates.
-
-    Raises `FormatError`: the file holds no outline, or several.
-    """
+    """Read one outline into plane coordinates; raises `FormatError` for none or several."""
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
@@ -115,10 +112,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 
 
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
-    """Mask of the map's cells that lie in a polygon.
-
-    Raises `UsageError`: no cell lies in it.
-    """
+    """Mask of the map's cells that lie in a polygon; raises `UsageError` if none does."""
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
         return np.asarray(cells)
@@ -153,11 +147,7 @@ def map_around(
     elevation: Elevation | None,
     size: MapSize,
 ) -> MapArea:
-    """Lay a map around a flown or planned path.
-
-    Raises `UsageError`: it has too many cells.
-    Raises `FormatError`: a file of heights is damaged.
-    """
+    """Lay a map around a path; raises `UsageError` if too large, `FormatError` for heights."""
     area = {
         "west_m": float(east_m.min()) - size.margin_m,
         "east_m": float(east_m.max()) + size.margin_m,
@@ -206,10 +196,7 @@ def plan_coverage(
     level_sigma_db: float,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability of detection around a planned path at one height above the ground.
-
-    Raises `UsageError`: the path is too long.
-    """
+    """Probability of detection along a planned path; raises `UsageError` if it is too long."""
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = listening_way(
         corners_m,
@@ -230,8 +217,8 @@ def pulses_on(corners_m: list[tuple[float, float]], tag: Tag, speed_m_s: float) 
 def _check_pulses(count: float, tag: Tag) -> None:
     if count > MOST_PULSES:
         raise UsageError(
-            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this way",
-            remedy="Choose a shorter way",
+            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this path",
+            remedy="Choose a shorter path",
         )
 
 
@@ -270,7 +257,7 @@ def covered_by(
         on_pulse=on_pulse,
     )
     limitations = area.limitations
-    least = LEAST_PULSES if whole_flight else tag.k
+    least = MODEL.least_pulses if whole_flight else tag.k
     if not found.groups:
         limitations = (
             *limitations,

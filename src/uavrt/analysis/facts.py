@@ -82,10 +82,7 @@ def facts_path(flight: Path) -> Path | None:
 
 
 def facts_of(flight: Path) -> Facts:
-    """Read the facts of a flight.
-
-    Raises `ConfigError`: the file is damaged or has an unknown field; the text names it.
-    """
+    """Read a flight's facts; raises `ConfigError` that names a wrong field, or if damaged."""
     path = facts_path(flight)
     if path is None:
         return Facts()
@@ -104,10 +101,7 @@ def read_facts(path: Path) -> Facts:
 
 
 def write_facts(folder: Path, facts: Facts) -> None:
-    """Write the report.toml for all flights in a folder that have none of their own.
-
-    Raises `ConfigError`: a field is wrong, or the file cannot be written.
-    """
+    """Write report.toml for flights of a folder without their own; raises `ConfigError`."""
     path = folder / NAME
     fields = {name: text for name, text in asdict(facts).items() if text is not None}
     _judged(fields, path)

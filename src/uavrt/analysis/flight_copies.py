@@ -78,9 +78,8 @@ def without_copies(outlines: Sequence[FlightOutline]) -> list[CopiesOfFlight]:
 
 def _overlapping(outlines: Sequence[FlightOutline]) -> list[int]:
     heard = [number for number, one in enumerate(outlines) if one.pulses]
-    # Floats: a damaged flight may have times that no whole number of 64 bits holds.
-    starts = np.array([float(outlines[number].info.start_time_ns) for number in heard])
-    ends = np.array([float(outlines[number].end_time_ns) for number in heard])
+    starts = np.array([outlines[number].info.start_time_ns for number in heard])
+    ends = np.array([outlines[number].end_time_ns for number in heard])
     overlap = np.zeros(len(heard), bool)
     overlap[1:] = starts[1:] <= np.maximum.accumulate(ends)[:-1]
     overlap[:-1] |= ends[:-1] >= starts[1:]

@@ -44,7 +44,6 @@ def flight_coverage(
 
     Pulses outside of `listened`, where given, cannot be heard. All pulses together are judged
     as they were `searched`, where given.
-
     Raises `UsageError`: the flight is too long.
     """
     way, limitations = flown_way(area, flight, tag, noise, listened)
@@ -75,10 +74,7 @@ def frequency_window_hz(flight: Flight) -> float:
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Tangent plane around a flight, and its path in it.
-
-    Raises `RecordingError`: it has no poses.
-    """
+    """Tangent plane around a flight, and its path; raises `RecordingError` without poses."""
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:
         raise RecordingError(

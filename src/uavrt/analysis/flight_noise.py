@@ -46,11 +46,7 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Compute a flight's noise from its search reports and pulses.
-
-    Raises `FormatError`: there is no flight.
-    Raises `RecordingError`: no noise was recorded in the air.
-    """
+    """Noise of a flight in the air; raises `FormatError`, or `RecordingError` if none."""
     flight = read_flight(directory) if flight is None else flight
     measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)

@@ -31,7 +31,7 @@ from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.growing import GrowingEnergies
 from uavrt.localization.heard import PoseColumns
 from uavrt.messages import Tag
-from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.planning.whole_flight import MODEL
 from uavrt.radio.joined import JoinedRecording
 from uavrt.radio.sigmf import sigmf_layout
 from uavrt.recording.flight_reader import read_flight
@@ -61,7 +61,7 @@ class FlightSoFar:
             new = heard.listen(channel)
         except FormatError:  # its only piece has no samples yet
             return None
-        if not new or heard.length_s < LEAST_PULSES * tag.pulse_intervals_s[0]:
+        if not new or heard.length_s < MODEL.least_pulses * tag.pulse_intervals_s[0]:
             return None
         flight = read_flight(self._directory)
         if len(flight.poses) < 2:

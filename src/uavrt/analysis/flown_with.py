@@ -17,10 +17,7 @@ USUAL_ANTENNA = "RA-23K"
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """The flight's settings, for the antenna's mounting; None when it did not record them.
-
-    Raises `FormatError`: the recorded settings are damaged.
-    """
+    """The flight's settings, None if not recorded; raises `FormatError` if damaged."""
     if flight.settings_json is None:
         return None
     try:

@@ -82,10 +82,7 @@ class Teller:
 
 
 class Integration:
-    """State of the integrator process.
-
-    Raises `UsageError`: there is no such antenna.
-    """
+    """State of the integrator process; raises `UsageError` if there is no such antenna."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame

@@ -62,10 +62,7 @@ class MapFile:
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
-        """Get a tile as it is stored; None where there is none.
-
-        Raises `FormatError`: the file is damaged.
-        """
+        """Get a tile as stored, None where there is none; raises `FormatError` if damaged."""
         if not 0 <= z <= _MOST_ZOOM:
             return None
         try:
@@ -88,10 +85,7 @@ class MapFile:
 
 
 def read_map(path: Path) -> MapFile:
-    """Read the metadata of a map file.
-
-    Raises `FormatError`: it is no map file.
-    """
+    """Read the metadata of a map file; raises `FormatError` if it is no map file."""
     try:
         if path.exists() and not path.is_file():
             raise ValueError("it is no file")
@@ -108,7 +102,7 @@ def _said(error: BaseException) -> str:
     if isinstance(error, FileNotFoundError):
         return "it does not exist"
     if isinstance(error, sqlite3.Error):
-        return "it is no MBTiles file, or a damaged one"
+        return "it is not an MBTiles file, or is damaged"
     return str(error)
 
 
@@ -172,7 +166,7 @@ def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
     if not (
         max(abs(south), abs(north)) <= 90.0 and max(abs(west), abs(east)) <= _MOST_LONGITUDE
     ):
-        raise ValueError("its edges are no place on earth")
+        raise ValueError("its edges are not positions on earth")
     return west, south, east, north
 
 

@@ -177,10 +177,7 @@ def _without_repeats(
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Bearings of a file under the keys of the tags that were heard.
-
-    Raises `UsageError`: a number stands for several tags.
-    """
+    """Bearings of a file by heard tags' keys; raises `UsageError` for an ambiguous number."""
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)

@@ -69,10 +69,7 @@ class _Heard:
 
 
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
-    """Find which numbers of several logs are one tag.
-
-    `listed`: the list of each log; empty where it has none.
-    """
+    """Find which numbers of several logs are one tag; `listed`: their lists, or empty."""
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])
     warnings = _given_again(groups)

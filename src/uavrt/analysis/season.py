@@ -59,10 +59,7 @@ class Season:
 
 
 def read_season(directory: Path) -> Season:
-    """Summarise the flights below a folder, at any depth.
-
-    Raises `FormatError`: there is no flight.
-    """
+    """Summarise the flights below a folder, at any depth; raises `FormatError` without any."""
     outlines, unreadable = [], []
     for database in sorted(directory.rglob("flight.sqlite")):
         try:

@@ -62,11 +62,7 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags that all flights list, by id; `listed` replaces the flights' lists where given.
-
-    Raises `UsageError`: they list none in common, one tag differently, or the same flight is
-    named twice.
-    """
+    """Tags common to all flights, or to `listed`; raises `UsageError` if there are none."""
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(

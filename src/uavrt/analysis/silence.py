@@ -54,7 +54,7 @@ _NOT_SILENT = (
 _WITHIN = "of a tag farther than {:g} Hz from its listed frequency it says nothing"
 _ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
-    "a train on its frequency may be its own (uavrt integrate names it): it cannot be said to "
+    "a train on its frequency may be its own (uavrt integrate names it), so it may not "
     "be silent"
 )
 
@@ -124,7 +124,6 @@ class ListenedFlight:
         """Lay a map around a flight, by default of 120 cells, and read its noise.
 
         Stored results of the whole flight are read where `verdicts` are not given.
-
         Raises `RecordingError`: it has no poses.
         Raises `FormatError`: a file of heights or of stored results is damaged.
         Raises `UsageError`: the map would be too large.

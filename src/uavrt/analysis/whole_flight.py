@@ -25,7 +25,7 @@ from uavrt.integration.whole_flight import FoldedTrain, pulse_weights
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.heard import OverGround, PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.planning.whole_flight import MODEL
 from uavrt.radio.source import SampleSource
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import SearchedFor
@@ -113,7 +113,7 @@ def integrate_flight(
     Raises `UsageError`: recording and poses are not of the same time.
     """
     if not tags:
-        raise ConfigError("there are no tags to look for", remedy="Name a tag file")
+        raise ConfigError("there are no tags to search for", remedy="Name a tag file")
     if len(flight.poses) < 2:
         raise RecordingError(
             f"{flight.info.directory} has no poses",
@@ -141,10 +141,10 @@ def integrate_flight(
     for tag, channel in zip(tags, plan.frequency_channels, strict=True):
         samples, there, start_ns = channels[channel]
         seconds = len(samples) / plan.channel_rate_hz
-        if seconds < LEAST_PULSES * tag.pulse_intervals_s[0]:
+        if seconds < MODEL.least_pulses * tag.pulse_intervals_s[0]:
             raise RecordingError(
-                f"the recording holds {seconds:.0f} s, fewer than {LEAST_PULSES} intervals of "
-                f"tag {tag.tag_id}",
+                f"the recording holds {seconds:.0f} s, "
+                f"fewer than {MODEL.least_pulses} intervals of tag {tag.tag_id}",
                 remedy="Use uavrt detect for so short a recording",
             )
         if not samples.any():

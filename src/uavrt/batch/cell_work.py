@@ -128,10 +128,7 @@ def work_on(
 
 
 def keep_cell(directory: Path, result: CellResult) -> None:
-    """Store a cell's result until all cells of its recording are done.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Store a cell's result until its recording is done; raises `OSError`."""
     content = msgspec.msgpack.encode(result, enc_hook=_plain)
     write_note(directory / str(result.number), content)
 

@@ -135,10 +135,7 @@ class _Cluster:
             )
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Take a result.
-
-        Raises `LinkError`: the scheduler has gone.
-        """
+        """Take a result; raises `LinkError` if the scheduler has gone."""
         with _scheduler_there():
             try:
                 return future.result()

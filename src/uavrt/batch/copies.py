@@ -1,6 +1,7 @@
 """Flights that exist twice: recorded by the drone, and by the ground station."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.seals import read_note, write_note
 from uavrt.batch.tables import OUTLINES, FlightRow, RecordingRow
 from uavrt.errors import FormatError
-from uavrt.recording.layout import FlightLayout, Stamp, stamp_of
+from uavrt.recording.layout import FlightLayout, Stamp
 from uavrt.recording.outline import FlightOutline, read_outline
+from uavrt.recording.stamped import Stamped
 
 
 def copies_of(
@@ -78,10 +80,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Remove results of copies whose flight is placed now.
-
-    Raises `OSError`: the directory cannot be written.
-    """
+    """Remove results of copies whose flight is placed now; raises `OSError`."""
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():
         of_itself = row.state == "recorded"
@@ -91,37 +90,30 @@ def drop_copies(
         flights.drop(str(copy))
 
 
-class _Outlined(msgspec.Struct, frozen=True):
-    stamp: Stamp
-    outline: FlightOutline
-
-
 class _Kept(msgspec.Struct, frozen=True):
-    flights: dict[str, _Outlined] = {}  # a struct copies it
+    flights: dict[str, tuple[Stamp, FlightOutline]] = {}  # a struct copies it
     groups: list[list[str]] = []
 
 
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
     """Group copies of readable flights; reuses the last groups if no flight changed."""
-    kept, found = _kept(output), dict[str, _Outlined]()
-    for directory in sorted(directories):
-        try:
-            name = str(directory)
-            stamp = stamp_of(name)
-            one = kept.flights.get(name)
-            if one is None or one.stamp != stamp:
-                outline = read_outline(directory)
-                outline = replace(outline, info=replace(outline.info, tags=()))
-                one = _Outlined(stamp=stamp, outline=outline)
-            found[name] = one
-        except (FormatError, OSError):
-            continue  # named where it is placed
+    kept, found = _kept(output), dict[str, tuple[Stamp, FlightOutline]]()
+    known = Stamped(_outline, kept.flights)
+    for directory in map(str, sorted(directories)):
+        with suppress(FormatError, OSError):  # named where it is placed
+            known.get(directory)
+            found[directory] = known.kept[directory]
     if found != kept.flights or not kept.groups:
-        flights = without_copies([one.outline for one in found.values()])
+        flights = without_copies([outline for _, outline in found.values()])
         groups = [[str(one.directory) for one in flight] for flight in flights]
         kept = _Kept(flights=found, groups=groups)
         write_note(output / OUTLINES, msgspec.msgpack.encode(kept))
-    return [[kept.flights[name].outline for name in group] for group in kept.groups]
+    return [[kept.flights[name][1] for name in group] for group in kept.groups]
+
+
+def _outline(directory: str) -> FlightOutline:
+    outline = read_outline(directory)
+    return replace(outline, info=replace(outline.info, tags=()))
 
 
 def _kept(output: Path) -> _Kept:

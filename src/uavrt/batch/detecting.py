@@ -49,10 +49,7 @@ class _Job:
 
 
 class Detecting:
-    """Schedules detection tasks and collects their results.
-
-    `ledger`: finished recordings.
-    """
+    """Schedules detection tasks and collects results; `ledger`: finished recordings."""
 
     def __init__(
         self,

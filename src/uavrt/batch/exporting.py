@@ -13,7 +13,7 @@ from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
-from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError, os_errors_as
 from uavrt.localization.flight_estimates import TagBearing, TagPosition
 from uavrt.localization.results import Bearing, Caution, Ellipse, Position, TrackPoint
 from uavrt.messages import FlightInfo, Pose, PulsePose
@@ -99,10 +99,7 @@ def folder_for(directory: Path, flight: str) -> Path:
 
 
 def flights_in(archive: Path) -> list[str]:
-    """Names of the flights that have pulses.
-
-    Raises `FormatError`: there is no archive.
-    """
+    """Names of the flights that have pulses; raises `FormatError` if there is no archive."""
     rows = ask(archive, "SELECT DISTINCT flight FROM pulses ORDER BY flight")
     names: list[str] = rows["flight"].to_pylist()
     return names
@@ -243,14 +240,12 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
     which = "" if flights is None else f"WHERE flight IN ({', '.join(map(quoted, flights))})"
     rows = ask(archive, f"SELECT * FROM {table} {which} ORDER BY flight, tag_id, start_time_ns")
     target = directory / f"{table}.parquet"
-    try:
+    with os_errors_as(
+        RecordingError, f"cannot write {target}", remedy="Choose a writable place"
+    ):
         make_directories(directory)
         with replacing(target) as part:
             pq.write_table(with_points(rows), part, compression="zstd")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {target}: {error.strerror}", remedy="Choose a writable place"
-        ) from error
     return target
 
 

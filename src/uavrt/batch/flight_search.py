@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from uavrt.batch.months import quoted, source_of
-from uavrt.batch.questions import QUESTIONS, asked, kept_answer
+from uavrt.batch.questions import QUESTIONS, in_archive, kept_answer
 from uavrt.batch.tables import PULSES, RECORDINGS
 
 if TYPE_CHECKING:
@@ -88,17 +88,20 @@ def find_flights(
     UsageError
         The extra is missing.
     """
-    with asked(archive, **_LIMITS) as connection:
+
+    def query(connection: "duckdb.DuckDBPyConnection") -> tuple[int, list[Any], list[Any]]:
         _make_views(connection, archive)
         sought = {"since_ns": since_ns, "before_ns": before_ns, "tag_id": tag_id}
         connection.execute(_WANTED, sought)
         (total,) = connection.execute("SELECT count(*) FROM wanted").fetchall()[0]
         page = connection.execute(_PAGE, {"limit": limit, "after": after}).fetchall()
-        heard: dict[str, list[tuple[int, int]]] = {row[0]: [] for row in page}
-        if page:
-            named = {"flights": [*heard]}
-            for flight, tag, count in connection.execute(_HEARD, named).fetchall():
-                heard[flight].append((tag, count))
+        named = {"flights": [row[0] for row in page]}
+        return total, page, connection.execute(_HEARD, named).fetchall() if page else []
+
+    total, page, counts = in_archive(archive, query, **_LIMITS)
+    heard: dict[str, list[tuple[int, int]]] = {row[0]: [] for row in page}
+    for flight, tag, count in counts:
+        heard[flight].append((tag, count))
     flights = tuple(
         ArchivedFlight(
             flight=flight,

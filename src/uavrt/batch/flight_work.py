@@ -122,10 +122,7 @@ class FlightTask:
     settings: PlacingSettings
 
     def packed(self) -> "FlightTask":
-        """Load the pulses, since workers read no Parquet.
-
-        Raises `FormatError`: a file of pulses is damaged.
-        """
+        """Load the pulses, since workers read no Parquet; raises `FormatError` if damaged."""
         return replace(
             self,
             searched=tuple(

@@ -9,14 +9,20 @@ They are copies. A month with a missing source file is skipped, and rows in no m
 from their original files. Damaged months are made again.
 """
 
+import atexit
 import hashlib
 import os
+import signal
+import sys
+import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, wait
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Thread
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
@@ -30,9 +36,12 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 if TYPE_CHECKING:
     import duckdb
 
+T = TypeVar("T")
 LEAST_FILES = 100
 """Fewer files than this are opened one by one."""
 _GROUP_ROWS = 50_000
+_INTERRUPTED_S = 0.5
+"""Longest wait for an interrupted query [s]: DuckDB interrupts none of its functions."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
 """Replaces the month where no time is known."""
@@ -105,10 +114,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 
 
 def write_index(output: Path, index: Index) -> None:
-    """Write the list of copies, and remove others.
-
-    Raises `OSError`: the directory cannot be written.
-    """
+    """Write the list of copies, and remove others; raises `OSError`."""
     write_note(output / INDEX, msgspec.json.encode(index))
     for folder, _, names in os.walk(output / MONTHS):
         for path in (Path(folder, name) for name in names):
@@ -125,22 +131,50 @@ def _name(table: str, month: str, keys: list[str]) -> str:
     return f"{_folder(table)}{month}-{said}.parquet"
 
 
-@contextmanager
-def duckdb_connection(**limits: str) -> Iterator["duckdb.DuckDBPyConnection"]:
-    """Open DuckDB; Ctrl-C in a query is a KeyboardInterrupt, as everywhere else.
+def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) -> T:
+    """Run queries on a new connection of DuckDB; Ctrl-C ends them at once, as everywhere else.
 
+    They run in another thread: DuckDB looks for signals only between the tasks of a query,
+    which may take minutes. What a signal's handler raises interrupts them.
+
+    `query`: takes the connection; its result is returned.
     `limits`: of DuckDB, such as `threads` and `memory_limit`.
     Raises `UsageError`: the extra is missing.
     """
     with needs_extra("batch", "An archive"):
         import duckdb
+    connections: list[duckdb.DuckDBPyConnection] = []
+    answer: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            with duckdb.connect(config={**limits}) as connection:
+                connections.append(connection)
+                result = query(connection)
+            answer.set_result(result)
+        except BaseException as error:  # noqa: BLE001 - raised where it is waited for
+            answer.set_exception(error)
+
+    thread = Thread(target=run, name="duckdb", daemon=True)
+    thread.start()
     try:
-        with duckdb.connect(config={**limits}) as connection:
-            yield connection
-    except RuntimeError as error:
-        if str(error) == "Query interrupted":
-            raise KeyboardInterrupt from error
-        raise
+        return answer.result()
+    finally:
+        end_s = time.monotonic() + _INTERRUPTED_S
+        while not answer.done() and time.monotonic() < end_s:
+            with suppress(duckdb.Error):  # closed meanwhile
+                for connection in connections:
+                    connection.interrupt()
+            wait([answer], 0.05)
+        if not answer.done():
+            atexit.register(_end_beside, thread)
+
+
+def _end_beside(thread: Thread) -> None:
+    """End the program beside a function of DuckDB; the interpreter's end would abort in it."""
+    if thread.is_alive():
+        sys.stdout.flush()
+        os._exit(128 + signal.SIGINT)
 
 
 def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
@@ -148,12 +182,13 @@ def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
     files = [output / table / f"{key}.parquet" for key in keys]
     target = output / name
     make_directories(target.parent)
-    with replacing(target) as part, duckdb_connection() as connection:
-        connection.execute(
+    with replacing(target) as part:
+        sql = (
             f"COPY (SELECT * FROM {rows_of(files)} ORDER BY tag_id, start_time_ns) "
             f"TO {quoted(part)} (FORMAT parquet, COMPRESSION zstd, "
             f"ROW_GROUP_SIZE {_GROUP_ROWS}, KV_METADATA {{uavrt_schema: '{SCHEMA_VERSION}'}})"
         )
+        in_duckdb(lambda connection: connection.execute(sql).fetchall())
     return Copy(sealed(target), keys)
 
 

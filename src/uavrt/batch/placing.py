@@ -46,10 +46,7 @@ TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
 
 
 class Placing:
-    """Schedules the tasks of flights and collects their results.
-
-    `recordings`, `flights`: finished rows.
-    """
+    """Schedules the tasks of flights and collects their results; given the finished rows."""
 
     def __init__(
         self,
@@ -247,10 +244,7 @@ class _Plan:
 def _planned(
     task: FlightTask, before: FlightRow | None, *, again: bool = False
 ) -> _Plan | None:
-    """Leave out steps whose result would be the same, unless poses are to be made again.
-
-    None: nothing is left to do.
-    """
+    """Leave out steps whose result would be the same, unless poses are made again; or None."""
     keys, whip_keys = step_keys(task)
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")

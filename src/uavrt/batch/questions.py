@@ -1,13 +1,12 @@
 """SQL queries on an archive's Parquet tables, by DuckDB."""
 
 import hashlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from uavrt.atomic_file import replacing
-from uavrt.batch.months import Copy, Index, duckdb_connection, quoted, read_index, source_of
+from uavrt.batch.months import Copy, Index, in_duckdb, quoted, read_index, source_of
 from uavrt.batch.seals import sealed
 from uavrt.batch.tables import (
     FLIGHTS,
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     import duckdb
     import pyarrow as pa
 
+T = TypeVar("T")
 QUESTIONS = {
     "list": """
 SELECT flight, path, state, start_utc, length_s, pulses,
@@ -74,12 +74,15 @@ def ask(archive: Path, question: str) -> "pa.Table":
     for name in KEPT:
         if question == QUESTIONS[name] and (kept := kept_answer(archive, name)) is not None:
             question = f"SELECT * FROM read_parquet({quoted(kept)})"
-    with asked(archive) as connection:
+
+    def query(connection: "duckdb.DuckDBPyConnection") -> "pa.Table":
         _make_views(connection, archive, question)
         answer = connection.sql(question)
         if answer is None:
-            raise UsageError("that is no question", remedy="Begin it with SELECT")
+            raise UsageError("this is not an SQL query", remedy="Begin it with SELECT")
         return _in_utc(answer.to_arrow_table())
+
+    return in_archive(archive, query)
 
 
 def _in_utc(answer: "pa.Table") -> "pa.Table":
@@ -95,10 +98,7 @@ def _in_utc(answer: "pa.Table") -> "pa.Table":
 
 
 def check_archive(archive: Path) -> None:
-    """Reject a directory that no batch has written to.
-
-    Raises `FormatError`: there is no table of recordings.
-    """
+    """Reject a directory that no batch has written to; raises `FormatError`."""
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
             f"{archive} holds no {RECORDINGS}",
@@ -106,10 +106,12 @@ def check_archive(archive: Path) -> None:
         )
 
 
-@contextmanager
-def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]:
-    """Open DuckDB on an archive; its errors are converted to ours.
+def in_archive(
+    archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
+) -> T:
+    """Run queries on an archive by DuckDB; its errors are converted to ours.
 
+    `query`: takes the connection; its result is returned.
     `limits`: DuckDB settings such as `threads` and `memory_limit`.
     Raises `FormatError`: no batch has written there, or a file is damaged.
     Raises `UsageError`: the query is wrong, or the extra is missing.
@@ -119,12 +121,15 @@ def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]
     check_archive(archive)
     recordings = quoted(archive / RECORDINGS)
     size = f"SELECT num_rows, file_size_bytes FROM parquet_file_metadata({recordings})"
+
+    def checked(connection: "duckdb.DuckDBPyConnection") -> T:
+        rows, size_bytes = connection.sql(size).fetchall()[0]
+        if rows > size_bytes:  # a batch writes the path of each
+            raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows of nothing")
+        return query(connection)
+
     try:
-        with duckdb_connection(**limits) as connection:
-            rows, size_bytes = connection.sql(size).fetchall()[0]
-            if rows > size_bytes:  # a batch writes the path of each
-                raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows of nothing")
-            yield connection
+        return in_duckdb(checked, **limits)
     except duckdb.OutOfMemoryException as error:
         most = limits.get("memory_limit", "this computer has")
         raise FormatError(

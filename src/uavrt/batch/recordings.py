@@ -53,11 +53,7 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording.
-
-        Raises `FormatError`: it cannot be read, or differs from its description.
-        Raises `StoreError`: its store does not answer.
-        """
+        """Open the recording; raises `FormatError`, or `StoreError` without an answer."""
         metadata = {
             "sample_rate_hz": self.sample_rate_hz,
             "center_frequency_hz": self.center_frequency_hz,
@@ -71,11 +67,7 @@ class Recording:
         )
 
     def fingerprint(self) -> str:
-        """Fingerprint that changes when the recording changes.
-
-        Raises `OSError`: the file is missing.
-        Raises `StoreError`: its store does not answer.
-        """
+        """Fingerprint of the recording's content; raises `OSError` or `StoreError`."""
         facts: list[object] = [
             *(self.format_name, self.sample_rate_hz, self.center_frequency_hz),
             self.start_time_ns,
@@ -324,7 +316,6 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
     """Read a manifest of recordings: CSV with the columns of `MANIFEST_COLUMNS`.
 
     Relative paths are relative to the manifest. Empty cells are unknown values.
-
     Raises `FormatError`: it cannot be read, or a line is wrong; the line is named.
     """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"

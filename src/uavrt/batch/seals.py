@@ -28,19 +28,13 @@ class Seal(msgspec.Struct, frozen=True):
 
 
 def sealed(path: Path) -> Seal:
-    """Make the seal of a file that has just been written.
-
-    Raises `OSError`: it cannot be read.
-    """
+    """Make the seal of a file that has just been written; raises `OSError`."""
     about = path.stat()
     return Seal(about.st_size, about.st_mtime_ns, _digest(path.read_bytes()))
 
 
 def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
-    """Reason why a file differs from its seal; None if it does not.
-
-    Raises `OSError`: it exists and cannot be read, for lack of permission.
-    """
+    """Reason why a file differs from its seal, or None; raises `OSError` if unreadable."""
     try:
         about = path.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -56,20 +50,13 @@ def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
 
 
 def write_note(path: Path, content: bytes) -> None:
-    """Write a small file that contains its own digest; see `read_note`.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Write a small file with its own digest, see `read_note`; raises `OSError`."""
     make_directories(path.parent)
     write_atomically(path, _digest(content).encode() + b"\n" + content)
 
 
 def read_note(path: Path) -> bytes:
-    """Read a file of `write_note`.
-
-    Raises `FormatError`: it is damaged; the message is the reason alone.
-    Raises `OSError`: it cannot be read.
-    """
+    """Read a file of `write_note`; raises `FormatError` with the reason alone, or `OSError`."""
     digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():
         raise FormatError("not what was written")

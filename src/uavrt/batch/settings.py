@@ -29,10 +29,7 @@ class BatchSettings:
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
-        """Reject unknown steps, and steps without the one that they need.
-
-        Raises `UsageError`: the text names the step.
-        """
+        """Reject unknown steps, and steps without the one they need; raises `UsageError`."""
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise UsageError(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"

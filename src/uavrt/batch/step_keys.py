@@ -49,10 +49,7 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def recorded_key(task: FlightTask) -> str:
-    """Key of a flight's recorded pulses.
-
-    Raises `OSError`: a file cannot be reached.
-    """
+    """Key of a flight's recorded pulses; raises `OSError` if a file cannot be reached."""
     return _hashed([task.path], flight_files(task))
 
 

@@ -100,10 +100,7 @@ def _is_file(system: Any, path: str) -> bool:
 
 
 def marks_of(url: str) -> list[object]:
-    """Properties that change when a stored file changes.
-
-    Raises `StoreError`: the store does not answer, or the file is gone.
-    """
+    """Properties that change when a stored file changes; raises `StoreError`."""
     with _asked(url):
         system, path = _opened(url)
         about = system.info(path)
@@ -118,11 +115,7 @@ def open_stored(
     center_frequency_hz: float | None = None,
     start_time_ns: int | None = None,
 ) -> RecordingSource:
-    """Open a recording of a store; parameters as in `open_recording`.
-
-    Raises `FormatError`: it differs from its description.
-    Raises `StoreError`: the store does not answer, or the file is gone.
-    """
+    """Open a recording of a store like `open_recording`; raises also `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))
@@ -151,10 +144,7 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer from an offset; returns the number of bytes.
-
-        Raises `StoreError`: the store does not answer, or returns less than before.
-        """
+        """Fill a buffer from an offset; get the number of bytes. Raises `StoreError`."""
         with _asked(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))

@@ -188,10 +188,7 @@ Row = TypeVar("Row")
 
 
 def need_pyarrow() -> None:
-    """Check before the work that its results can be written.
-
-    Raises `UsageError`: the extra is missing.
-    """
+    """Check before the work that results can be written; raises `UsageError`."""
     with needs_extra("batch", "A batch"):
         import pyarrow  # noqa: F401
 
@@ -250,10 +247,7 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
 ) -> Seal:
-    """Write pulses with their cells' numbers, in order of their times.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Write pulses with their cells' numbers, in order of time; raises `OSError`."""
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
         "cell": [number for number, _ in pulses],
@@ -265,19 +259,13 @@ def write_pulses(
 def write_rows(
     path: Path, record: type[Row], rows: Sequence[Row], flight: str | None = None
 ) -> Seal:
-    """Write records of one kind, of one flight or of many.
-
-    Raises `OSError`: it cannot be written.
-    """
+    """Write records of one kind, of one flight or of many; raises `OSError`."""
     more = {} if flight is None else {"flight": [flight] * len(rows)}
     return _write(path, record, rows, more)
 
 
 def read_pulses(path: Path) -> Iterator[Pulse]:
-    """Read the pulses that `write_pulses` has written.
-
-    Raises `FormatError`: the file is damaged.
-    """
+    """Read the pulses of `write_pulses`; raises `FormatError` if the file is damaged."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -199,10 +199,7 @@ _shared: list[Any] = []
 
 
 def _begin(done: Any) -> None:
-    """Prepare a worker: ignore Ctrl-C, and end with the parent.
-
-    The parent holds the output's lock, so its workers must not survive it.
-    """
+    """Prepare a worker: ignore Ctrl-C, end with the parent, which holds the output's lock."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _shared[:] = [done]

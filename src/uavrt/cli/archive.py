@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 WIDE = 10_000
+_ROWS = 10_000
+"""Rows converted at a time: some hundredths of a second."""
 _PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(
@@ -133,10 +136,12 @@ def _flat(answer: "pa.Table") -> "pa.Table":
         if pa.types.is_nested(field.type):
             texts = [
                 None if one is None else json.dumps(one, default=str)
-                for one in _in_microseconds(answer.select([number])).column(0).to_pylist()
+                for row in _rows(_in_microseconds(answer.select([number])))
+                for one in row.values()
             ]
         elif pa.types.is_string(field.type):
-            texts = [no_formula(one) for one in answer.column(number).to_pylist()]
+            rows = _rows(answer.select([number]))
+            texts = [no_formula(one) for row in rows for one in row.values()]
         else:
             continue
         answer = answer.set_column(number, field.name, pa.array(texts, pa.string()))
@@ -155,8 +160,14 @@ def _in_microseconds(answer: "pa.Table") -> "pa.Table":
     return answer
 
 
+def _rows(answer: "pa.Table") -> Iterator[dict[str, Any]]:
+    """Read rows, some at a time: Ctrl-C waits until Arrow has made its list."""
+    for batch in answer.to_batches(max_chunksize=_ROWS):
+        yield from batch.to_pylist()
+
+
 def _print(answer: "pa.Table", as_json: bool) -> None:
-    rows = _in_microseconds(answer).to_pylist()
+    rows = _rows(_in_microseconds(answer))
     if as_json:
         for row in rows:
             print_json(row)

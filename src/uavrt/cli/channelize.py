@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from uavrt.analysis.measure.channel_files import ChannelizeSummary, plan_channels, ports_of
 from uavrt.analysis.measure.channel_files import channelize as run_channelizer
 from uavrt.cli.detect import open_source, stop_on_signals
-from uavrt.cli.inputs import start_time_ns
+from uavrt.cli.inputs import Stated
 from uavrt.errors import ConfigError
 from uavrt.radio.band_source import BandDatagramSource
 from uavrt.radio.channel_sender import ChannelDatagramSender
@@ -75,18 +75,22 @@ def channelize(
         Playback speed of a file, in multiples of real time; 0: as fast as it can be read.
     """
     numbers = _numbers(channels)
-    start_ns = start_time_ns(start_time)
+    stated = Stated(
+        format=format,
+        sample_rate=THESIS_RATE_HZ if source == "-" and sample_rate is None else sample_rate,
+        center_frequency=center_frequency,
+        start_time=start_time,
+    ).options()
     opened: SampleSource
     if is_udp_address(source):
         opened = BandDatagramSource(
             source,
             sample_rate_hz=THESIS_RATE_HZ if sample_rate is None else sample_rate,
             center_frequency_hz=center_frequency,
-            start_time_ns=start_ns,
+            start_time_ns=stated["start_time_ns"],
         )
     else:
-        rate = THESIS_RATE_HZ if source == "-" and sample_rate is None else sample_rate
-        opened = open_source(source, format, rate, center_frequency, start_ns)
+        opened = open_source(source, stated)
     summary = ChannelizeSummary()
     with ExitStack() as stack:
         stack.enter_context(closing(opened))

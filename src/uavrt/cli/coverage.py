@@ -128,7 +128,7 @@ def coverage(
     from uavrt.cli.outputs import make_directory, print_json
 
     if not height:
-        raise ConfigError("there is no height", remedy="Give --height 60")
+        raise ConfigError("the height is missing", remedy="Give --height 60")
     _check_used(
         source,
         of_plan={
@@ -195,11 +195,11 @@ def _check_used(
         refuse(of_plan, "is of a plan, and a flight has its own")
         refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")
         if prior is not None and area is None:
-            raise ConfigError("--prior is of an area", remedy="Name it with --area")
+            raise ConfigError("--prior needs an area", remedy="Name it with --area")
         return
     if prior is not None:
         raise ConfigError(
-            "--prior is of a flight that did not hear a tag, and this is a plan or an area",
+            "--prior applies to a flight without a detection of the tag, not to a plan or area",
             remedy="Leave it out, or name the flight's directory",
         )
     if tags is not None:
@@ -232,8 +232,8 @@ def _listed(
         return chosen(list(read_tags(tags)), ids)
     if interval_s <= 2.0 * pulse_width_s:
         raise ConfigError(
-            f"an interval of {interval_s:g} s for pulses of {pulse_width_s:g} s",
-            remedy="Give --interval a longer one",
+            f"the interval of {interval_s:g} s is too short for pulses of {pulse_width_s:g} s",
+            remedy="Give a longer --interval",
         )
     return [
         assumed_tag(

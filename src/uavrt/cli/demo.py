@@ -15,7 +15,6 @@ from uavrt.cli.screen import has_page, has_screen
 from uavrt.demo.run import Demo
 from uavrt.demo.search import SearchDemo
 from uavrt.demo.search_together import TogetherDemo
-from uavrt.demo.telling import in_plain_words, with_figures
 from uavrt.demo.worlds import flight_world, search_world
 from uavrt.errors import UsageError
 from uavrt.simulation.demo_world import fleet_scenarios
@@ -128,7 +127,6 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
-        describe=with_figures if json_summary else in_plain_words,
     ).run()
     if json_summary:
         print_json(summary.as_dict())

@@ -1,7 +1,7 @@
 """``uavrt detect``: pulses from a recording or a live stream."""
 
 # isort: off
-from uavrt.cli.kinds import Hertz, HertzOrZero
+from uavrt.cli.kinds import Hertz
 from uavrt.cli.near_codes import warn_of_near_codes
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
@@ -24,7 +24,7 @@ from uavrt.analysis.measure.recorded_pulses import DetectionSummary
 from uavrt.analysis.measure.recorded_pulses import detect as run_detectors
 from uavrt.analysis.measure.redetect import FlightWriter
 from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
-from uavrt.cli.inputs import start_time_ns
+from uavrt.cli.inputs import NOTHING_STATED, Stated
 from uavrt.cli.outputs import keep_inputs
 from uavrt.cli.progress import progress_bar
 from uavrt.clock import cpu_s
@@ -53,10 +53,7 @@ def detect(
     recording: Annotated[str, Parameter(allow_leading_hyphen=True)],
     *,
     tags: Path | None = None,
-    format: str | None = None,
-    sample_rate: Hertz | None = None,
-    center_frequency: HertzOrZero | None = None,
-    start_time: str | None = None,
+    stated: Stated = NOTHING_STATED,
     frequency_window: Hertz = 500.0,
     mode: OperatingModeName | None = None,
     output: Annotated[
@@ -80,15 +77,6 @@ def detect(
     tags
         Tag file: TagInfo.txt, tags.toml, or the original's detectorConfig.txt. With --flight,
         defaults to that flight's tags.
-    format
-        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name (cf32 for -).
-    sample_rate
-        Samples per second, e.g. 3e6, unless the recording states it.
-    center_frequency
-        Radio frequency in hertz, e.g. 148.7e6, unless the recording states it.
-    start_time
-        Time of the first sample, ISO 8601, UTC; by default as stated in the recording, else the
-        file's modification time minus its duration; for - the time of arrival.
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     mode
@@ -115,14 +103,15 @@ def detect(
     """
     flown = None if flight is None else read_flight(flight)
     known = _with_mode(_tags(tags, flown), mode)
-    start_ns = start_time_ns(start_time)
-    with ExitStack() as stack:
-        if is_udp_address(recording):
-            sample_rate = sample_rate or known.sample_rate_hz
-            center_frequency = center_frequency or known.center_frequency_hz
-        source = stack.enter_context(
-            closing(open_source(recording, format, sample_rate, center_frequency, start_ns))
+    if is_udp_address(recording):
+        stated = replace(
+            stated,
+            sample_rate=stated.sample_rate or known.sample_rate_hz,
+            center_frequency=stated.center_frequency or known.center_frequency_hz,
         )
+    options = stated.options()
+    with ExitStack() as stack:
+        source = stack.enter_context(closing(open_source(recording, options)))
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
         wanted = _inside(known, source)
@@ -232,7 +221,9 @@ def _tags(path: Path | None, flown: Flight | None) -> TagSource:
         return read_tag_source(path)
     if flown is not None:
         return TagSource(tags=flown.info.tags)
-    raise ConfigError("no tags to look for", remedy="Give --tags TagInfo.txt or tags.toml")
+    raise ConfigError(
+        "there are no tags to search for", remedy="Give --tags TagInfo.txt or tags.toml"
+    )
 
 
 def _with_mode(known: TagSource, mode: OperatingModeName | None) -> TagSource:
@@ -308,42 +299,24 @@ def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] |
     return call_each if methods else None
 
 
-def open_source(
-    recording: str,
-    format_name: str | None,
-    sample_rate_hz: float | None,
-    center_frequency_hz: float | None,
-    start_time_ns: int | None,
-) -> SampleSource:
+def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
     """Open a channel's port, standard input or a recording.
 
+    `options`: by `Stated.options`.
     Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or a value is
     missing.
     """
     if is_udp_address(recording):
-        return open_channel(
-            recording, sample_rate_hz=sample_rate_hz, center_frequency_hz=center_frequency_hz
-        )
+        of_channel = ("sample_rate_hz", "center_frequency_hz")
+        return open_channel(recording, **{name: options[name] for name in of_channel})
     if recording != "-":
-        return open_recording(
-            Path(recording),
-            format_name,
-            sample_rate_hz=sample_rate_hz,
-            center_frequency_hz=center_frequency_hz,
-            start_time_ns=start_time_ns,
-        )
+        return open_recording(Path(recording), **options)
     if sys.stdin is None or sys.stdin.isatty():
         raise ConfigError(
             "standard input is the keyboard, not samples",
             remedy="Pipe a radio's program into it: airspy_rx … -r - | uavrt detect - …",
         )
-    return open_stream(
-        sys.stdin.fileno(),
-        format_name,
-        sample_rate_hz=sample_rate_hz,
-        center_frequency_hz=center_frequency_hz,
-        start_time_ns=start_time_ns,
-    )
+    return open_stream(sys.stdin.fileno(), **options)
 
 
 @contextmanager

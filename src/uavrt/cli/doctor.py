@@ -14,7 +14,7 @@ from uavrt.cli.bench import bench_findings
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.computer.autopilot_setup import examine_autopilot
 from uavrt.computer.checks import examine
-from uavrt.computer.finding import Finding
+from uavrt.computer.finding import Finding, failed
 from uavrt.config.settings import Settings
 from uavrt.errors import UsageError
 from uavrt.log import configure_logging
@@ -66,7 +66,7 @@ def doctor(
             remedy="Leave --mavlink out, or leave out --flight",
         )
     if flight and autopilot:
-        raise UsageError("--flight and --autopilot are two lists", remedy="Give one of them")
+        raise UsageError("--flight and --autopilot are two lists", remedy="Give either of them")
     configure_logging("doctor", level=logging.ERROR)  # the findings say it in words
     running = running_status(status_socket_path(settings))
     findings = (
@@ -104,7 +104,7 @@ def autopilot_findings(
     if running is not None and mavlink is None:
         text = "uavrt runs and holds the link to the autopilot"
         remedy = "Stop it first: sudo systemctl stop uavrt"
-        return [Finding(what="autopilot", ok=False, text=text, remedy=remedy)]
+        return [failed("autopilot", text, remedy)]
     flown = parse_address(settings.mavlink.address) if settings.mavlink.address else None
     if port is None and flown is not None and flown.device:
         port = "TELEM2"

@@ -22,8 +22,10 @@ from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.ground.link.protocol import GroundEvent
 from uavrt.guidance.area_text import area_in, keep_out_in
 from uavrt.guidance.mission import NOT_CHECKED, NOT_CHECKED_ABOARD, survey_items
-from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
+from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.plan_file import fence_file, survey_file
+from uavrt.guidance.safety import SAFETY
+from uavrt.mavlink.waiting import within
 from uavrt.messages import KeepOut, MotionRequest, SurveyPattern
 from uavrt.tunnel.motion import MotionState
 
@@ -241,7 +243,7 @@ def _check_search(action: str, request: MotionRequest) -> None:
             )
     elif bool(request.places) == (request.radius_m is not None):
         raise ConfigError(
-            "a search needs one area",
+            "a search needs exactly one area",
             remedy="Give --area FILE.geojson, or --radius 300 for a circle around the drone",
         )
 
@@ -346,11 +348,7 @@ def _print(what: str, text: str, *, json_lines: bool) -> None:
 
 
 def read_area(path: Path) -> Places:
-    """Read the outline of an area.
-
-    Raises `FormatError`: it is not GeoJSON, KML or a QGroundControl plan with one outline
-    without holes.
-    """
+    """Read the one outline without holes of GeoJSON, KML or .plan; raises `FormatError`."""
     return area_in(_text_of(path), str(path))
 
 
@@ -410,14 +408,13 @@ class _Terminal:
         return await self._follow(link, offer.order_id)
 
     async def _status(self) -> int:
-        try:
-            async with asyncio.timeout(SESSION_WAIT_S):
-                self._show(await self._states.get())
-        except TimeoutError:
+        state = await within(SESSION_WAIT_S, self._states.get())
+        if state is None:
             raise LinkError(
-                "the drone says nothing of motion",
+                "the drone does not report motion",
                 remedy="Set guidance.enabled = true in its uavrt.toml",
-            ) from None
+            )
+        self._show(state)
         return 0
 
     async def _agreed(self) -> bool:
@@ -429,7 +426,7 @@ class _Terminal:
                 remedy="Run it in a terminal, and type the word",
             )
         prompt = (
-            f'Type "{WORD}" within {OFFER_HOLDS_S:.0f} s to confirm, '
+            f'Type "{WORD}" within {SAFETY.offer_holds_s:.0f} s to confirm, '
             "anything else to leave it: "
         )
         forget_typed_ahead()

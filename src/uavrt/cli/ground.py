@@ -317,10 +317,7 @@ def _text_of(event: dict[str, Any]) -> str | None:
 
 
 def _refuse_unused(**given: bool) -> None:
-    """Reject options that need a page, where there is none.
-
-    Raises `ConfigError`: some were given.
-    """
+    """Reject options that need a page, where there is none; raises `ConfigError`."""
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(

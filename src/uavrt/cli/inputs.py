@@ -1,8 +1,13 @@
-"""Checks of inputs and options, and the time of a first sample."""
+"""Checks of inputs and options, and what a recording does not state of itself."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from cyclopts import Parameter
+
+from uavrt.cli.kinds import Hertz, HertzOrZero
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, UsageError
 
@@ -35,10 +40,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def start_time_ns(text: str | None) -> int | None:
-    """Read --start-time.
-
-    Raises `ConfigError`: not a time.
-    """
+    """Read --start-time; raises `ConfigError` if it is no time."""
     if text is None:
         return None
     try:
@@ -48,3 +50,39 @@ def start_time_ns(text: str | None) -> int | None:
             f"--start-time {text!r} is not a time",
             remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
         ) from error
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """Options on a recording's samples, where the recording itself does not state them.
+
+    Parameters
+    ----------
+    format
+        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name (cf32 for -).
+    sample_rate
+        Samples per second, e.g. 3e6, unless the recording states it.
+    center_frequency
+        Radio frequency in hertz, e.g. 148.7e6, unless the recording states it.
+    start_time
+        Time of the first sample, ISO 8601, UTC; by default as stated in the recording, else the
+        file's modification time minus its duration; for - the time of arrival.
+    """
+
+    format: str | None = None
+    sample_rate: Hertz | None = None
+    center_frequency: HertzOrZero | None = None
+    start_time: str | None = None
+
+    def options(self) -> dict[str, Any]:
+        """Arguments of `open_recording`; raises `ConfigError` for a time that is none."""
+        return {
+            "format_name": self.format,
+            "sample_rate_hz": self.sample_rate,
+            "center_frequency_hz": self.center_frequency,
+            "start_time_ns": start_time_ns(self.start_time),
+        }
+
+
+NOTHING_STATED = Stated()

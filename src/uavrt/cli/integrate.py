@@ -3,8 +3,8 @@
 # isort: off
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.elevation import elevation_of
-from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
-from uavrt.cli.inputs import start_time_ns
+from uavrt.cli.kinds import Between, Degrees, Hertz, Power, SecondsApart, TagIds
+from uavrt.cli.inputs import NOTHING_STATED, Stated
 from uavrt.cli.near_codes import warn_of_near_codes
 from uavrt.cli.progress import progress_bar, progress_bars
 from uavrt.cli.outputs import make_directory, print_json
@@ -48,10 +48,7 @@ def integrate(
     drift: Annotated[float, Parameter(validator=Between(least=0, most=0.05))] = 0.0,
     dem: Path | None = None,
     sea: Annotated[bool, Parameter(negative="")] = False,
-    format: str | None = None,
-    sample_rate: Hertz | None = None,
-    center_frequency: HertzOrZero | None = None,
-    start_time: str | None = None,
+    stated: Stated = NOTHING_STATED,
     moves: Annotated[bool, Parameter(negative="")] = False,
     tag_power: Power = -25.0,
     plot: Path | None = None,
@@ -103,14 +100,6 @@ def integrate(
         explain silence. Without it the ground is taken as level.
     sea
         Take ground that no elevation file covers for water at height 0.
-    format
-        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name.
-    sample_rate
-        Samples per second, unless the recording states it.
-    center_frequency
-        Radio frequency in hertz, unless the recording states it.
-    start_time
-        Time of the first sample, ISO 8601, UTC, unless the recording states it.
     moves
         Of several flights: the tag may be elsewhere in each. By default it rests.
     tag_power
@@ -138,16 +127,11 @@ def integrate(
         )
     if moves and not others:
         raise ConfigError(
-            "--moves is of several flights", remedy="Name further flights, or leave it out"
+            "--moves needs several flights", remedy="Name further flights, or leave it out"
         )
     listed = read_tag_source(tags).tags if tags else None
     warn_of_near_codes(listed or (), frequency_window)
-    opened: dict[str, Any] = {
-        "format_name": format,
-        "sample_rate_hz": sample_rate,
-        "center_frequency_hz": center_frequency,
-        "start_time_ns": start_time_ns(start_time),
-    }
+    opened = stated.options()
     if track is None:
         flown = _flights(flight, others, clock_offset=clock_offset, yaw_offset=yaw_offset)
         remarks: tuple[str, ...] = ()
@@ -208,7 +192,7 @@ def _flights(
         )
     if clock_offset is not None or yaw_offset:
         raise ConfigError(
-            "--clock-offset and --yaw-offset are of a --track",
+            "--clock-offset and --yaw-offset need --track",
             remedy="Leave them out: a flight has its own",
         )
     for one in (first, *others):
@@ -254,10 +238,7 @@ def _tracked(
 
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
-    """Name of the pattern: the requested one, else that of all these flights.
-
-    The second value is True if it is assumed.
-    """
+    """Name of the pattern, requested or of all flights; and whether it is assumed."""
     from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
@@ -448,12 +429,11 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags.
-
-    Raises `ConfigError`: one is not listed, or none is.
-    """
+    """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
     if not known:
-        raise ConfigError("there are no tags to look for", remedy="Name a tag file with --tags")
+        raise ConfigError(
+            "there are no tags to search for", remedy="Name a tag file with --tags"
+        )
     missing = sorted(set(ids) - {one.tag_id for one in known})
     if missing:
         listed = ", ".join(str(one.tag_id) for one in known)

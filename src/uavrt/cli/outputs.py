@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, os_errors_as
 
 
 def print_json(value: object, *, indent: int = 0) -> None:
@@ -63,13 +63,12 @@ def make_directory(path: Path, option: str) -> None:
 
     Raises `ConfigError`: it cannot be made or written; `option` is its option's name.
     """
-    try:
+    with os_errors_as(
+        ConfigError,
+        f"{path} cannot be made",
+        remedy=f"Give {option} a directory that can be written",
+    ):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"{path} cannot be made: {error.strerror}",
-            remedy=f"Give {option} a directory that can be written",
-        ) from error
     if not os.access(path, os.W_OK):
         raise ConfigError(f"{path} cannot be written", remedy=f"Give {option} another place")
 

@@ -148,12 +148,12 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
 
     from uavrt.analysis.measure.antenna_files import antenna_named
     from uavrt.localization.antenna import pattern_named
-    from uavrt.planning.whole_flight import LEAST_PULSES, whole_flight_enr_db
+    from uavrt.planning.whole_flight import MODEL, whole_flight_enr_db
 
-    if pulses < LEAST_PULSES:
+    if pulses < MODEL.least_pulses:
         raise ConfigError(
             f"a whole flight of {pulses} pulses gains nothing",
-            remedy=f"Give --flight-pulses {LEAST_PULSES} or more",
+            remedy=f"Give --flight-pulses {MODEL.least_pulses} or more",
         )
     pattern = pattern_named(antenna_named(antenna))
     heading = np.arange(pulses) * tag.pulse_intervals_s[0] * _TURN_DEG_S

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from uavrt.cli.examples import examples
-from uavrt.cli.kinds import Count, Hertz, HertzOrZero
+from uavrt.cli.inputs import NOTHING_STATED, Stated
+from uavrt.cli.kinds import Count, Hertz
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.cli.progress import progress_bar
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.cli.words import counted
 from uavrt.clock import cpu_s, iso_utc
-from uavrt.errors import ConfigError, TagFileError, UavrtError
+from uavrt.errors import ConfigError, TagFileError, UavrtError, os_errors_as
 from uavrt.foreign import TAGS, read_file
 
 if TYPE_CHECKING:
@@ -220,13 +221,12 @@ def _databases(path: Path) -> dict[str, str]:
     """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` in its folder, by name."""
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
-        try:
+        with os_errors_as(
+            ConfigError,
+            f"cannot read {one}",
+            remedy="TagTracker keeps TagInfo.db and TagManufacturer.db together",
+        ):
             files[one.name] = read_file(one, TAGS).decode("utf-8-sig", "replace")
-        except OSError as error:
-            raise ConfigError(
-                f"cannot read {one}: {error.strerror}",
-                remedy="TagTracker keeps TagInfo.db and TagManufacturer.db together",
-            ) from error
     return files
 
 
@@ -252,10 +252,7 @@ def measure(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     id: Count = 2,
     name: str | None = None,
-    format: str | None = None,
-    sample_rate: Hertz | None = None,
-    center_frequency: HertzOrZero | None = None,
-    start_time: str | None = None,
+    stated: Stated = NOTHING_STATED,
     overwrite: bool = False,
 ) -> None:
     """Find unknown tags in a recording: frequency, pulse width, intervals, jitter, drift.
@@ -277,21 +274,11 @@ def measure(
         Id of the first tag; the others get every second id after it.
     name
         Name of the tag; several tags are numbered: Luna 1, Luna 2.
-    format
-        cf32, cs16, cu8, ci8, sigmf or wav; by default taken from the file name.
-    sample_rate
-        Samples per second, unless the recording states it.
-    center_frequency
-        Radio frequency in hertz, unless the recording states it.
-    start_time
-        Time of the first sample, ISO 8601, UTC; by default as stated in the recording, else the
-        file's modification time minus its duration.
     overwrite
         Replace the output if it exists.
     """
     from uavrt.analysis.measure.measure_tag import measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredTag
-    from uavrt.cli.inputs import start_time_ns
     from uavrt.config.tag_files import check_tag_file_name, write_tags
     from uavrt.config.tag_rules import MAX_ID
     from uavrt.config.tags_toml import format_tags_toml
@@ -299,22 +286,16 @@ def measure(
 
     if not 1 <= id <= MAX_ID:
         raise ConfigError(f"a tag cannot have the number {id}", remedy="Give --id from 1 on")
-    _check_center(center_frequency)
+    _check_center(stated.center_frequency)
     if output is not None:
         check_place(output, overwrite=overwrite)
         keep_inputs(output, (recording,))
         check_tag_file_name(output)
-    start_ns = start_time_ns(start_time)
+    options = stated.options()
     faults: list[UavrtError] = []
 
     def opened() -> "RecordingSource":
-        return open_recording(
-            recording,
-            format,
-            sample_rate_hz=sample_rate,
-            center_frequency_hz=center_frequency,
-            start_time_ns=start_ns,
-        )
+        return open_recording(recording, **options)
 
     with closing(opened()) as source:
         if source.origin:

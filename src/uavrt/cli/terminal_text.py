@@ -17,10 +17,7 @@ def harmless(text: str) -> str:
 
 
 class TerminalText:
-    """A terminal that receives only harmless text; all else is the stream's.
-
-    `stream`: the terminal.
-    """
+    """A terminal `stream` that receives only harmless text; all else is the stream's."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

@@ -10,7 +10,7 @@ from uavrt.computer.autopilot_rules import (
     needs,
     operator_failsafe,
 )
-from uavrt.computer.finding import Finding
+from uavrt.computer.finding import Finding, failed, passed
 from uavrt.errors import LinkError, UavrtError
 from uavrt.mavlink.address import Address, parse_address
 from uavrt.mavlink.dialect import MavAutopilot
@@ -37,7 +37,7 @@ def examine_autopilot(
         yield from asyncio.run(_examine(place, port, baud or place.baud, fix))
     except UavrtError as error:
         remedy = error.remedy or "Try again"
-        yield Finding(what=WHAT, ok=False, text=error.message, remedy=remedy)
+        yield failed(WHAT, error.message, remedy)
 
 
 def armed_by_link(address: str) -> bool | None:
@@ -58,11 +58,11 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
         if client.kind not in NAMES:
             text = f"it is neither PX4 nor ArduPilot (MAV_AUTOPILOT {client.kind})"
             remedy = "Let it pass MAVLink on between its ports; see the manual"
-            return [Finding(what=WHAT, ok=False, text=text, remedy=remedy)]
+            return [failed(WHAT, text, remedy)]
         if fix and client.armed:
             text = "the vehicle is armed: nothing was set"
             remedy = "Disarm it, then run this again; without --fix it only looks"
-            return [Finding(what=WHAT, ok=False, text=text, remedy=remedy)]
+            return [failed(WHAT, text, remedy)]
         px4 = client.kind == MavAutopilot.PX4
         values = await client.read(names_to_read(px4, port))
         found = [_greeting(client, port)]
@@ -73,39 +73,37 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
             changed = changed or done
         if px4 and not has_serial_ports(values):
             text = "this PX4 reports no serial ports (simulated?): forwarding was not checked"
-            found.append(Finding(what=WHAT, ok=True, text=text))
+            found.append(passed(WHAT, text))
         good, text, remedy = operator_failsafe(px4, values)
         found.append(Finding(what=WHAT, ok=good, text=text, remedy=remedy))
         if changed:
             text = "the changes are in force after a restart of the autopilot"
             remedy = "Take its power away and give it again, then run this once more"
-            found.append(Finding(what=WHAT, ok=False, text=text, remedy=remedy))
+            found.append(failed(WHAT, text, remedy))
         return found
 
 
 def _greeting(client: ParameterClient, port: str | None) -> Finding:
     where = "" if port is None else f", companion at {port}"
     name = NAMES[client.kind]
-    return Finding(what=WHAT, ok=True, text=f"{name}, system {client.autopilot}{where}")
+    return passed(WHAT, f"{name}, system {client.autopilot}{where}")
 
 
 async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
     """Check one parameter, and set it if requested; True when it was changed."""
     if need.met:
-        return Finding(what=WHAT, ok=True, text=f"{need.name} = {need.wanted:g}"), False
+        return passed(WHAT, f"{need.name} = {need.wanted:g}"), False
     if need.value is None:
         remedy = "It appears when its port is switched on: set the others, restart, run again"
         text = f"{need.name} is not reported; {need.wanted:g} is needed: {need.why}"
-        return Finding(what=WHAT, ok=False, text=text, remedy=remedy), False
+        return failed(WHAT, text, remedy), False
     text = f"{need.name} = {need.value:g}, must be {need.wanted:g}: {need.why}"
     if not fix:
         remedy = f"Set it in your ground station, or with --fix ({need.name} = {need.wanted:g})"
-        return Finding(what=WHAT, ok=False, text=text, remedy=remedy), False
+        return failed(WHAT, text, remedy), False
     now = await client.write(need.name, need.wanted)
     if now == need.wanted:
         text = f"{need.name} was {need.value:g}, is now {need.wanted:g}: {need.why}"
-        return Finding(what=WHAT, ok=True, text=text), True
+        return passed(WHAT, text), True
     remedy = "Set it in your ground station"
-    return Finding(
-        what=WHAT, ok=False, text=f"{text}; the autopilot did not accept it", remedy=remedy
-    ), False
+    return failed(WHAT, f"{text}; the autopilot did not accept it", remedy), False

@@ -10,7 +10,7 @@ from math import inf, isfinite, log10
 from statistics import median
 
 from uavrt.commands import SystemState
-from uavrt.computer.finding import Finding
+from uavrt.computer.finding import Finding, failed, passed
 from uavrt.messages import Poses, PulsePose, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 
@@ -128,10 +128,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Judge each item of the list; what is unknown is not in order.
-
-    `now_ns`: on the clock of the bench.
-    """
+    """Judge each item of the list at a time; what is unknown is not in order."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -152,25 +149,17 @@ def _without_drone(finding: Finding) -> Finding:
     """Mark items that need the drone as waiting, without a remedy of their own."""
     if finding.ok or finding.what in ("drone", "tags"):
         return finding
-    return _bad(finding.what, "unknown: no contact with the drone", "Waiting for the drone")
-
-
-def _good(what: str, text: str) -> Finding:
-    return Finding(what=what, ok=True, text=text)
+    return failed(finding.what, "unknown: no contact with the drone", "Waiting for the drone")
 
 
 def _open(what: str, text: str, remedy: str) -> Finding:
     return Finding(what=what, ok=False, open=True, text=text, remedy=remedy)
 
 
-def _bad(what: str, text: str, remedy: str) -> Finding:
-    return Finding(what=what, ok=False, text=text, remedy=remedy)
-
-
 def _drone(facts: FlightFacts) -> Finding:
     if facts.heard:
-        return _good("drone", "connected")
-    return _bad(
+        return passed("drone", "connected")
+    return failed(
         "drone", "no contact", "Check its power, the telemetry radio and the connection"
     )
 
@@ -178,15 +167,15 @@ def _drone(facts: FlightFacts) -> Finding:
 def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "radio"
     if facts.state is not SystemState.DETECTING:
-        return _bad(
+        return failed(
             what,
             "not tested: no detection is running",
             "Send the tags and press Start, with the propellers off",
         )
     ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
     if min(ages, default=inf) <= DETECTOR_SILENT_S:
-        return _good(what, "its samples arrive and are searched")
-    return _bad(
+        return passed(what, "its samples arrive and are searched")
+    return failed(
         what,
         "no detector reports",
         "Press Radio status under Set-up; check the radio's cable and its supply",
@@ -197,20 +186,20 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
     what = "noise"
     known = bench.noise(facts.tags)
     if not known:
-        return _bad(what, "not measured yet", "Press Start and wait half a minute")
+        return failed(what, "not measured yet", "Press Start and wait half a minute")
     names = {tag.tag_id: _megahertz(tag) for tag in facts.tags}
     levels = {tag_id: one.noise_db or 0.0 for tag_id, one in known.items()}
     rises = {tag_id: levels[tag_id] - one.quietest_db for tag_id, one in known.items()}
     worst = max(rises, key=rises.__getitem__)
     if rises[worst] > NOISE_RISE_DB:
         text = f"{rises[worst]:.0f} dB more than before at {names[worst]} MHz"
-        return _bad(what, text, NOISE_REMEDY)
+        return failed(what, text, NOISE_REMEDY)
     loudest = max(levels, key=levels.__getitem__)
     apart_db = levels[loudest] - min(levels.values())
     if apart_db > NOISE_APART_DB:
         at = names[loudest]
         text = f"{apart_db:.0f} dB more at {at} MHz than at the quietest tag's"
-        return _bad(what, text, NOISE_REMEDY)
+        return failed(what, text, NOISE_REMEDY)
     return _level(what, levels, apart_db, facts.usual_noise_db)
 
 
@@ -228,14 +217,14 @@ def _level(
         )
     more_db = median(levels.values()) - usual_db
     if more_db > NOISE_RISE_DB:
-        return _bad(what, f"{more_db:.0f} dB more than in past flights", LEVEL_REMEDY)
+        return failed(what, f"{more_db:.0f} dB more than in past flights", LEVEL_REMEDY)
     if more_db < -NOISE_LESS_DB:
-        return _bad(
+        return failed(
             what,
             f"{-more_db:.0f} dB less than in past flights",
             "Check the antenna and its cable, and that the gain is as it was then",
         )
-    return _good(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
+    return passed(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
 
 
 def _time(facts: FlightFacts, bench: Bench) -> Finding:
@@ -243,7 +232,7 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     off_s = facts.clock_off_s
     if off_s is not None and abs(off_s) > CLOCK_OFF_S:
         off = rough_duration(off_s)
-        return _bad(
+        return failed(
             what,
             f"the drone's clock is {off} behind this computer's"
             if off_s > 0
@@ -251,9 +240,9 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
             "Set the clock that is wrong; on the drone: sudo timedatectl set-time",
         )
     if facts.time_known or (facts.time_known is None and bench.posed):
-        return _good(what, "the autopilot's clock is known")
+        return passed(what, "the autopilot's clock is known")
     waiting = facts.time_known is None and bench.posed is None
-    return _bad(
+    return failed(
         what,
         "unknown until a pulse is detected"
         if waiting
@@ -268,22 +257,22 @@ def _poses(facts: FlightFacts) -> Finding:
     what = "poses"
     age_s = facts.pose_age_s
     if age_s is None:
-        return _bad(
+        return failed(
             what, "no position yet", "Put the drone under the open sky and wait for its GPS"
         )
     if age_s > POSE_OLD_S:
-        return _bad(
+        return failed(
             what,
             f"the last position is {age_s:.0f} s old",
             "Check the telemetry radio and the autopilot's stream rates",
         )
-    return _good(what, "fresh")
+    return passed(what, "fresh")
 
 
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "tags"
     if not facts.tags:
-        return _bad(what, "no tags in the table", "Type them in under Set-up")
+        return failed(what, "no tags in the table", "Type them in under Set-up")
     nothing = _Heard()
     heard = [
         (tag, bench.tags.get(tag.tag_id, nothing))
@@ -291,49 +280,49 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
         if _age_s(bench.tags.get(tag.tag_id, nothing).pulse_ns, now_ns) <= HEARD_S
     ]
     if not heard:
-        return _bad(
+        return failed(
             what,
             "none detected in the last minute",
             "Put one a few metres away, switched on; check its frequency and interval",
         )
     if all(one.clipped for _, one in heard):
-        return _bad(
+        return failed(
             what,
             "so strong that the radio overloads",
             "Put the tag farther away, or lower the gain",
         )
     names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
-    return _good(what, f"{len(heard)} of {len(facts.tags)} detected: {names}")
+    return passed(what, f"{len(heard)} of {len(facts.tags)} detected: {names}")
 
 
 def _disk(facts: FlightFacts) -> Finding:
     what = "disk"
     free_mb = facts.disk_free_mb
     if free_mb is None:
-        return _bad(what, "the drone has not reported its free space", "Wait ten seconds")
+        return failed(what, "the drone has not reported its free space", "Wait ten seconds")
     if free_mb < facts.disk_needed_mb:
-        return _bad(
+        return failed(
             what,
             f"{free_mb / 1000.0:.1f} GB free on the drone",
             "Fetch its flights, then Clean logs under Set-up",
         )
-    return _good(what, f"{free_mb / 1000.0:.1f} GB free on the drone")
+    return passed(what, f"{free_mb / 1000.0:.1f} GB free on the drone")
 
 
 def _battery(facts: FlightFacts) -> Finding:
     what = "battery"
     percent = facts.battery_percent
     if percent is None:
-        return _bad(
+        return failed(
             what,
             "not reported by the autopilot",
             "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return _bad(what, f"{percent:.0f} % left", "Charge it, or use a full one")
+        return failed(what, f"{percent:.0f} % left", "Charge it, or use a full one")
     if facts.battery_v is None:
-        return _good(what, f"{percent:.0f} % left")
-    return _good(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")
+        return passed(what, f"{percent:.0f} % left")
+    return passed(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")
 
 
 def _age_s(at_ns: int | None, now_ns: int) -> float:

@@ -15,7 +15,7 @@ from uavrt import native
 from uavrt.card import NEW_CARD, battery_clock_off_s, card_of, clock_fault, clock_is_lost
 from uavrt.clock import Clock, monotonic_s
 from uavrt.commands import SystemState
-from uavrt.computer.finding import Finding
+from uavrt.computer.finding import Finding, failed, judged, passed
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
 from uavrt.mavlink.address import parse_address
@@ -66,8 +66,8 @@ def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
     try:
         said = check_device(settings.radio)
     except UavrtError as error:
-        return Finding(what="radio", ok=False, text=error.message, remedy=error.remedy or "")
-    return Finding(what="radio", ok=True, text=said)
+        return failed("radio", error.message, error.remedy or "")
+    return passed("radio", said)
 
 
 def check_permissions(settings: Settings) -> Finding:
@@ -75,31 +75,28 @@ def check_permissions(settings: Settings) -> Finding:
     nodes = [radio.node for radio in usb_radios()]
     closed = [str(node) for node in nodes if not os.access(node, os.R_OK | os.W_OK)]
     if closed:
-        return Finding(
-            what="permissions",
-            ok=False,
-            text=f"{', '.join(closed)} is closed to this user",
-            remedy="sudo uavrt service install writes the udev rule; be in the group plugdev",
+        return failed(
+            "permissions",
+            f"{', '.join(closed)} is closed to this user",
+            "sudo uavrt service install writes the udev rule; be in the group plugdev",
         )
     address = settings.mavlink.address
     if address.startswith("serial:"):
         port = parse_address(address).device
         if not os.path.exists(port):
-            return Finding(
-                what="permissions",
-                ok=False,
-                text=f"there is no {port}",
-                remedy="Plug the autopilot's cable in, or give another mavlink.address",
+            return failed(
+                "permissions",
+                f"there is no {port}",
+                "Plug the autopilot's cable in, or give another mavlink.address",
             )
         if not os.access(port, os.R_OK | os.W_OK):
-            return Finding(
-                what="permissions",
-                ok=False,
-                text=f"{port} is closed to this user",
-                remedy='sudo usermod -a -G dialout "$USER", then log in again',
+            return failed(
+                "permissions",
+                f"{port} is closed to this user",
+                'sudo usermod -a -G dialout "$USER", then log in again',
             )
     text = f"groups {', '.join(_groups())}" if os.geteuid() else "all, as root"
-    return Finding(what="permissions", ok=True, text=text)
+    return passed("permissions", text)
 
 
 def _groups() -> list[str]:
@@ -115,19 +112,14 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
     what = "autopilot"
     address = settings.mavlink.address
     if not address:
-        return Finding(what=what, ok=True, text="none configured: pulses get no position")
+        return passed(what, "none configured: pulses get no position")
     if running is not None:
         link = next((p for p in running.processes if p.process == "connection"), None)
         heard = link is not None and link.status in ("waiting for ground station", "ready")
         text = f"the running system says: {link.status if link else 'no connection'}"
     else:
         heard, text = _listen(settings)
-    return Finding(
-        what=what,
-        ok=heard,
-        text=text,
-        remedy="" if heard else "Check wiring, baud rate and the autopilot's MAVLink port",
-    )
+    return judged(what, heard, text, "Check wiring, baud rate and the autopilot's MAVLink port")
 
 
 def _listen(settings: Settings) -> tuple[bool, str]:
@@ -185,15 +177,14 @@ def check_kept_time() -> Finding:
     if fault is None:
         kept = battery_clock_off_s() is not None
         text += " · battery clock agrees" if kept else " · no battery clock"
-        return Finding(what="clock", ok=True, text=text)
+        return passed("clock", text)
     if clock_is_lost():
         remedy = "sudo timedatectl set-time, or fit a battery for the clock"
-        return Finding(what="clock", ok=False, text=fault, remedy=remedy)
-    return Finding(
-        what="clock",
-        ok=False,
-        text=f"{text} · {fault}",
-        remedy="sudo hwclock --systohc when the time is right; if it comes again, change the "
+        return failed("clock", fault, remedy)
+    return failed(
+        "clock",
+        f"{text} · {fault}",
+        "sudo hwclock --systohc when the time is right; if it comes again, change the "
         "clock's battery",
     )
 
@@ -219,14 +210,8 @@ def check_disk(settings: Settings) -> Finding:
     free_mb = shutil.disk_usage(present).free / 1e6
     limit_mb = settings.recording.minimum_free_mb
     good = free_mb >= limit_mb and os.access(present, os.W_OK)
-    return Finding(
-        what="disk",
-        ok=good,
-        text=f"{free_mb:.0f} MB free at {present}",
-        remedy=""
-        if good
-        else f"Make room (at least {limit_mb:.0f} MB), or set recording.directory",
-    )
+    remedy = f"Make room (at least {limit_mb:.0f} MB), or set recording.directory"
+    return judged("disk", good, f"{free_mb:.0f} MB free at {present}", remedy)
 
 
 def check_card(settings: Settings) -> Finding:
@@ -236,19 +221,14 @@ def check_card(settings: Settings) -> Finding:
     present = next(path for path in (directory, *directory.parents) if path.exists())
     card = card_of(present)
     if card is None:
-        return Finding(what=what, ok=True, text="not reported by this computer")
+        return passed(what, "not reported by this computer")
     text = f"{card.device} ({card.kind})"
     if card.written_gb is not None:
         text += f" · {card.written_gb:,.0f} GB written so far"
     if card.life_used_tenths is not None:
         text += f" · {10 * card.life_used_tenths} % of its life used"
     faults = card.faults()
-    return Finding(
-        what=what,
-        ok=not faults,
-        text=" · ".join([text, *faults]),
-        remedy=NEW_CARD if faults else "",
-    )
+    return judged(what, not faults, " · ".join([text, *faults]), NEW_CARD)
 
 
 def check_processor(measure_s: float = 1.0) -> Finding:
@@ -257,12 +237,8 @@ def check_processor(measure_s: float = 1.0) -> Finding:
     time.sleep(measure_s)
     idle = (_idle_s() - before) / measure_s
     cores = os.cpu_count() or 1
-    return Finding(
-        what="processor",
-        ok=idle >= IDLE_CORES_NEEDED,
-        text=f"{idle:.1f} of {cores} cores idle; detection by {native.description()}",
-        remedy="" if idle >= IDLE_CORES_NEEDED else "See what else is running: top",
-    )
+    text = f"{idle:.1f} of {cores} cores idle; detection by {native.description()}"
+    return judged("processor", idle >= IDLE_CORES_NEEDED, text, "See what else is running: top")
 
 
 def _idle_s() -> float:
@@ -278,11 +254,6 @@ def check_temperature() -> Finding:
         with suppress(OSError, ValueError):
             hottest = max(hottest or -273.0, int(zone.read_text()) / 1000.0)
     if hottest is None:
-        return Finding(what="temperature", ok=True, text="this computer does not report it")
-    good = hottest < HOT_C
-    return Finding(
-        what="temperature",
-        ok=good,
-        text=f"{hottest:.0f} °C",
-        remedy="" if good else "Improve its cooling: above 80 °C it slows down",
-    )
+        return passed("temperature", "this computer does not report it")
+    remedy = "Improve its cooling: above 80 °C it slows down"
+    return judged("temperature", hottest < HOT_C, f"{hottest:.0f} °C", remedy)

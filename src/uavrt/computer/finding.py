@@ -13,3 +13,18 @@ class Finding:
     remedy: str = ""
     open: bool = False
     """Whether it cannot be judged yet; then it does not count as a fault."""
+
+
+def passed(what: str, text: str) -> Finding:
+    """Make the line of something that is as it should be."""
+    return Finding(what=what, ok=True, text=text)
+
+
+def failed(what: str, text: str, remedy: str) -> Finding:
+    """Make the line of a fault."""
+    return Finding(what=what, ok=False, text=text, remedy=remedy)
+
+
+def judged(what: str, ok: bool, text: str, remedy: str) -> Finding:
+    """Make the line of a value; the remedy is shown for a fault only."""
+    return passed(what, text) if ok else failed(what, text, remedy)

@@ -60,10 +60,7 @@ class StepFault:
 
 
 class FirstSetup:
-    """The steps, and the state of this computer.
-
-    `config`: the drone side's ``uavrt.toml``.
-    """
+    """The steps, and the state of this computer; `config`: the drone side's ``uavrt.toml``."""
 
     def __init__(self, config: Path) -> None:
         self.config = config

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from uavrt.atomic_file import write_atomically
-from uavrt.errors import UsageError
+from uavrt.errors import UsageError, os_errors_as
 
 ENTRY = "applications/uavrt-ground.desktop"
 ICON = "icons/hicolor/scalable/apps/uavrt-ground.svg"
@@ -35,13 +35,11 @@ def install_starter(program: Path, place: Path) -> list[Path]:
         )
     files = {place / ENTRY: entry_text(program), place / ICON: ICON_TEXT}
     for path, text in files.items():
-        try:
+        with os_errors_as(
+            UsageError, f"{path} cannot be written", remedy="Give another --directory"
+        ):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(path, text)
-        except OSError as error:
-            raise UsageError(
-                f"{path} cannot be written: {error.strerror}", remedy="Give another --directory"
-            ) from error
     return list(files)
 
 

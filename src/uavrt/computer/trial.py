@@ -99,11 +99,7 @@ class Seen:
 
 
 class Trial:
-    """Monitors a version from its start.
-
-    `now_s`: when it was started [s]. `hold_s`: how long everything must be there [s].
-    `patience_s`: how long that may take to come [s].
-    """
+    """Monitors a version that must come within `patience_s` and stay for `hold_s`."""
 
     def __init__(
         self,

@@ -25,7 +25,7 @@ from uavrt.atomic_file import write_atomically
 from uavrt.computer.trial import Verdict
 from uavrt.computer.update_file import Update, read_update, unpack_wheels, version_key
 from uavrt.computer.versions import COMPLETE, Installation, version_of
-from uavrt.errors import UavrtError, UsageError
+from uavrt.errors import UavrtError, UsageError, os_errors_as
 
 Say = Callable[[str], None]
 Restart = Callable[[], None]
@@ -213,10 +213,7 @@ def exchange(
 
 
 def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> bool:
-    """Monitor a version on trial, and keep it or go back; whether it was kept.
-
-    Also called after a power cut.
-    """
+    """Monitor a version on trial, also after a power cut; keep it or go back. True if kept."""
     before = place.before()
     if before is None:
         say("no version is on trial")
@@ -267,10 +264,8 @@ def _take_keys(version: Path, place: Installation) -> None:
 
 def restart_by(command: Sequence[str]) -> None:
     """Restart the service; raises `UavrtError` when that is not possible."""
-    try:
+    with os_errors_as(UavrtError, command[0]):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except OSError as error:
-        raise UavrtError(f"{command[0]}: {error.strerror}") from error
     if done.returncode:
         raise UavrtError(f"{' '.join(command)} failed: {done.stderr.strip()}")
 

@@ -31,7 +31,7 @@ from typing import Annotated
 
 import msgspec
 
-from uavrt.errors import FormatError, UsageError
+from uavrt.errors import FormatError, UsageError, os_errors_as
 from uavrt.foreign import KEYS, Limit, decode_record, read_file, require_plain_file
 
 MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
@@ -115,13 +115,11 @@ def read_update(path: Path, keys: Path) -> Update:
     `path`: the ``.tar`` or ``.whl``. `keys`: file of the valid public keys. Raises
     `FormatError` if it is damaged or no update, `UsageError` if no valid key has signed it.
     """
-    try:
+    with os_errors_as(UsageError, f"{path} cannot be read"):
         if path.suffix == ".whl":
             return _read_wheel(path, keys)
         with _opened(path) as archive:
             text, signature = (_member(archive, name) for name in (MANIFEST, SIGNATURE))
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     require_signed(text, signature, keys, path)
     manifest = _manifest(text, path)
     return Update(
@@ -290,14 +288,13 @@ def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> 
 
 
 def _trusted(keys: Path) -> list[str]:
-    try:
+    with os_errors_as(
+        UsageError,
+        f"no accepted keys: {keys}",
+        remedy=f"Put the public key of the updates' maker there: sudo cp KEY.pem {keys}",
+    ):
         trusted = split_keys(read_file(keys, KEYS).decode("ascii", "replace"))
         mode = stat.S_IMODE(keys.stat().st_mode)
-    except OSError as error:
-        raise UsageError(
-            f"no accepted keys: {keys}: {error.strerror}",
-            remedy=f"Put the public key of the updates' maker there: sudo cp KEY.pem {keys}",
-        ) from error
     if mode & 0o022:
         remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
         raise UsageError(f"users other than root may change {keys}", remedy=remedy)

@@ -25,7 +25,7 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 from uavrt.atomic_file import sync_to_disk
-from uavrt.errors import UsageError
+from uavrt.errors import UsageError, os_errors_as
 
 COMPLETE = ".complete"
 
@@ -141,7 +141,5 @@ def version_of(environment: Path) -> str:
 
 
 def _target(link: Path, prefix: Path) -> Path:
-    try:
+    with os_errors_as(UsageError, str(link), remedy="Run deploy/install.sh"):
         return prefix / link.readlink()
-    except OSError as error:
-        raise UsageError(f"{link}: {error.strerror}", remedy="Run deploy/install.sh") from error

@@ -147,10 +147,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find codes of one band that differ by less than the tolerance of gaps.
-
-    Returns: two tags, and the difference of their gaps together [s].
-    """
+    """Find codes of one band that differ by less than the tolerance; and their difference."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):

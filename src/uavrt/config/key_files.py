@@ -4,7 +4,7 @@ import os
 import stat
 from pathlib import Path
 
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, os_errors_as
 from uavrt.foreign import KEYS, read_file
 
 REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
@@ -19,14 +19,10 @@ def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> byte
     Raises `ConfigError`: there is no such file, other users may read or change it, or it does
     not hold that many hexadecimal digits.
     """
-    try:
+    with os_errors_as(ConfigError, f"cannot read the {what} {path}", remedy=REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")
         # Windows keeps its permissions elsewhere.
         mode = os.stat(path).st_mode if os.name == "posix" else 0
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read the {what} {path}: {error.strerror}", remedy=REMEDY
-        ) from error
     try:
         secret = bytes.fromhex(text.strip())
     except ValueError:

@@ -20,7 +20,7 @@ from uavrt.config.radios import RADIOS, RadioRow
 from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines, line_of
-from uavrt.errors import ConfigError, listed_faults
+from uavrt.errors import ConfigError, listed_faults, os_errors_as
 from uavrt.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortened
 from uavrt.plugins import Registry
 
@@ -38,21 +38,17 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
     line.
     """
     name = os.fspath(path)
-    try:
+    with os_errors_as(
+        ConfigError,
+        f"cannot read the settings {name}",
+        remedy="Check the name; without --config the defaults apply",
+    ):
         content = read_file(path, SETTINGS)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read the settings {name}: {error.strerror}",
-            remedy="Check the name; without --config the defaults apply",
-        ) from error
     return parse_settings(content, name=name)
 
 
 def parse_settings(content: bytes, *, name: str) -> Settings:
-    """Read settings from a file's bytes; `name` is for messages.
-
-    Raises `ConfigError`: the bytes are not settings; all faults are listed.
-    """
+    """Read settings; `name` is for messages. Raises `ConfigError` that lists all faults."""
     from pydantic import ValidationError
 
     try:
@@ -147,22 +143,18 @@ def default_settings_text() -> str:
 
 
 def write_default_settings(path: str | os.PathLike[str]) -> None:
-    """Write a commented ``uavrt.toml`` with the defaults; an existing file is kept.
-
-    Raises `ConfigError`: the file exists or cannot be written.
-    """
+    """Write a commented ``uavrt.toml`` with defaults; raises `ConfigError` if it exists."""
     target = Path(path)
     if target.exists():
         raise ConfigError(
             f"{target} exists already", remedy="Choose another name or move it away"
         )
-    try:
+    with os_errors_as(
+        ConfigError,
+        f"cannot write {target}",
+        remedy="Choose a directory that exists and can be written",
+    ):
         write_atomically(target, default_settings_text())
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write {target}: {error.strerror}",
-            remedy="Choose a directory that exists and can be written",
-        ) from error
 
 
 def _error(name: str, faults: list[str]) -> ConfigError:

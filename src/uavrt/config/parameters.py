@@ -206,10 +206,7 @@ OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
 
 
 def run_wanted(value: float) -> bool:
-    """Requested state of `DET_RUN`: True to detect.
-
-    Raises `ConfigError`: it is neither 0 nor 1.
-    """
+    """Requested state of `DET_RUN`: True to detect; raises `ConfigError` if not 0 or 1."""
     if not (math.isfinite(value) and RUN.allows(value)):
         raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
     return bool(value)
@@ -267,10 +264,7 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Frequency that the radio tunes to for a requested one [Hz].
-
-    Raises `ConfigError`: the radio does not receive it.
-    """
+    """Frequency the radio tunes to [Hz]; raises `ConfigError` if it does not receive it."""
     row = RADIOS.get(radio.kind)
     if row is None:
         return frequency_hz
@@ -285,10 +279,7 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:
-    """Name tags outside of the received band.
-
-    Raises `ConfigError`: all of them are.
-    """
+    """Name tags outside of the received band; raises `ConfigError` if all of them are."""
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
     if not beyond:

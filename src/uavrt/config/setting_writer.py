@@ -14,7 +14,7 @@ from uavrt.config.loader import default_settings_text, parse_settings
 from uavrt.config.settings import Settings
 from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, os_errors_as
 from uavrt.foreign import SETTINGS, read_file
 
 Value = str | int | float | bool | None
@@ -35,14 +35,13 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
     """
     target = Path(path)
     settings, text = changed_settings(target, changes)
-    try:
+    with os_errors_as(
+        ConfigError,
+        f"cannot write the settings {target}",
+        remedy="See whether the card is full or read-only: uavrt doctor",
+    ):
         mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o644
         write_atomically(target, text, mode=mode)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write the settings {target}: {error.strerror}",
-            remedy="See whether the card is full or read-only: uavrt doctor",
-        ) from error
     return settings
 
 

@@ -10,14 +10,19 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Interval, Predicate
 
-STRICT: dict[str, Any] = {
-    "extra": "forbid",
-    "strict": True,
-    "allow_inf_nan": False,
-    "use_attribute_docstrings": True,
-}
-"""Options for pydantic in `uavrt.config.loader`; a plain dict, so that this module does not
-import pydantic on the drone."""
+
+class _Table:
+    """Base of all tables."""
+
+    __slots__ = ()
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "allow_inf_nan": False,
+        "use_attribute_docstrings": True,
+    }
+    """Options for pydantic in `uavrt.config.loader`; a plain dict, so that this module does not
+    import pydantic on the drone."""
 
 
 def is_ros_namespace(text: str) -> bool:
@@ -41,10 +46,8 @@ RADIO_GROUP = "uavrt.radios"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RadioSettings:
+class RadioSettings(_Table):
     """``[radio]``: which receiver, and how it is set."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     kind: str = "airspy"
     """``airspy`` (Mini, R2), ``airspyhf``, ``rtlsdr``, ``hackrf``, ``soapy`` for others, or one
@@ -68,10 +71,8 @@ class RadioSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MavlinkSettings:
+class MavlinkSettings(_Table):
     """``[mavlink]``: connection to autopilot and ground stations."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     address: str = "serial:///dev/ttyUSB0:57600"
     """``serial:///dev/ttyUSB0:57600``, ``udpin://127.0.0.1:14540``, ``udpout://HOST:PORT``,
@@ -126,10 +127,8 @@ class MavlinkSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PoseSettings:
+class PoseSettings(_Table):
     """``[pose]``: source of position and heading; a mast or a person has no autopilot."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     source: Literal["autopilot", "fixed", "nmea", "gpsd"] = "autopilot"
     """``autopilot``; ``fixed``: the values below, for a mast; ``nmea`` or ``gpsd``: a GPS
@@ -152,10 +151,8 @@ class PoseSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AntennaSettings:
+class AntennaSettings(_Table):
     """``[antenna]``: how the antenna sits on the vehicle."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     yaw_offset_deg: Annotated[float, Interval(ge=-360.0, le=360.0)] = 0.0
     """Antenna boresight clockwise from the vehicle's nose."""
@@ -174,10 +171,8 @@ class AntennaSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DetectionSettings:
+class DetectionSettings(_Table):
     """``[detection]``: the search."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     frequency_window_hz: Annotated[float, Gt(0.0)] = 500.0
     """Half-width of the search around each tag's nominal frequency."""
@@ -206,10 +201,8 @@ class DetectionSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BearingSettings:
+class BearingSettings(_Table):
     """``[bearings]``: bearing estimates on the drone."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     on_drone: bool = False
     """Also estimate bearings on the drone and send them: for a link that loses most pulses."""
@@ -218,10 +211,8 @@ class BearingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IntegrationSettings:
+class IntegrationSettings(_Table):
     """``[integration]``: search for tags below the noise during the flight."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     on_drone: bool = False
     """Judge each tag by the whole flight so far, twice a minute or as often as a tenth of a
@@ -229,10 +220,8 @@ class IntegrationSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordingSettings:
+class RecordingSettings(_Table):
     """``[recording]``: files that a flight keeps."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     directory: str = "flights"
     """Parent of the flight directories."""
@@ -259,10 +248,8 @@ class RecordingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GuidanceSettings:
+class GuidanceSettings(_Table):
     """``[guidance]``: flight control; every motion needs a confirmed order."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     enabled: bool = False
     """Accept motion orders, each confirmed by the operator, over a link with a key."""
@@ -317,10 +304,8 @@ class GuidanceSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UdpChannelSettings:
+class UdpChannelSettings(_Table):
     """``[udp_channels]``: the tags' channels for the original's detectors as well."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     enabled: bool = False
     """Send each tag's channel as UDP datagrams: 1024 samples at 3750 a second."""
@@ -334,10 +319,8 @@ class UdpChannelSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ros2Settings:
+class Ros2Settings(_Table):
     """``[ros2]``: the gateway to ROS 2; needs the extra ``uavrt[ros2]``."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     enabled: bool = False
     """Publish the drone side as ROS 2 nodes and topics."""
@@ -364,10 +347,8 @@ class Ros2Settings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(_Table):
     """All of ``uavrt.toml``."""
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     radio: RadioSettings = field(default_factory=RadioSettings)
     mavlink: MavlinkSettings = field(default_factory=MavlinkSettings)

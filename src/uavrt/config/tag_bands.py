@@ -6,11 +6,7 @@ from uavrt.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Group bands that overlap, directly or through others.
-
-    `bands_hz`: lower and upper edge of each.
-    Returns: places of the bands, each once, rising; ordered by the first of each list.
-    """
+    """Group bands (lower, upper edge) that overlap directly or through others, in order."""
     found: list[list[int]] = []
     reach_hz = 0.0
     for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):

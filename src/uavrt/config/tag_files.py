@@ -41,7 +41,6 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
     A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes. Other files are
     recognised by a line that begins with ``[``, or a heading with gaps.
-
     Raises `TagFileError`: the file has faults.
     """
     try:

@@ -13,11 +13,7 @@ _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def decode_text(content: bytes) -> str:
-    """Decode a file's bytes; lines end in a newline alone.
-
-    Raises `ValueError`: the bytes are not text, or there are too many; the text gives the
-    reason.
-    """
+    """Decode a file's text, with newlines alone; raises `ValueError` with the reason."""
     if len(content) > MAX_BYTES:
         raise ValueError(f"{len(content)} bytes are too many for a file written by hand")
     encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
@@ -30,11 +26,7 @@ def decode_text(content: bytes) -> str:
 
 
 def read_text(path: Path, limit: Limit) -> str:
-    """Read a text file.
-
-    Raises `FormatError`: it is missing, no text, too large, or empty; the text gives the
-    reason.
-    """
+    """Read a text file; raises `FormatError` with the reason."""
     try:
         content = read_file(path, limit)
     except FileNotFoundError:

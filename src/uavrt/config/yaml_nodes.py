@@ -28,7 +28,6 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
 
     Reading ends at the first line that is not YAML, since the rest cannot be interpreted.
     Documents before it are returned.
-
     Raises `UsageError`: PyYAML is not installed, as on a drone without a page.
     """
     with needs_extra(

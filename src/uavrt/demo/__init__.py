@@ -1,5 +1,5 @@
 """Run the whole system, simulated, on one machine.
 
-`run` is one drone, `fleet` several, `search` and `search_together` searches; `programs` starts
-the simulated parts, `watch` and `view` show what happens, `summary` judges it.
+`run` flies one drone or several, `search` and `search_together` search; `programs` starts the
+simulated parts, `watch` and `view` show what happens, `summary` judges it.
 """

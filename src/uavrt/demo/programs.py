@@ -83,7 +83,6 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
 
     It is one of `PORTS`: a port that the kernel chose and that was closed again may be given to
     another socket before it is bound.
-
     Raises `LinkError`: all ports above those are taken.
     """
     for port in islice(_ports, len(PORTS)):
@@ -104,7 +103,6 @@ def free_ros_domain() -> int:
 
     A real drone in the lab is in the environment's domain, or in 0. Up to 101, the ports of a
     domain lie below those that Linux assigns by itself (32768).
-
     Raises `UavrtError`: all are in use.
     """
     domains = random.sample(range(1, 102), 101)
@@ -193,10 +191,7 @@ class Program:
         self.pid = self._process.pid
 
     def check(self) -> None:
-        """Check that it still runs.
-
-        Raises `UavrtError`: it has ended; the text contains the end of its output.
-        """
+        """Check that it still runs; raises `UavrtError` with the end of its output if not."""
         if self._wait(0.0):
             words = self.last_line()
             raise UavrtError(

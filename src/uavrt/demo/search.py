@@ -142,7 +142,6 @@ class SearchDemo:
     `limit_s`: longest duration of the search.
     `flight_dir`: parent of the drone's flight directory.
     `say`: takes a line for the terminal.
-    `describe`: makes the line of a note.
     `among`: it searches with others.
     """
 
@@ -153,13 +152,12 @@ class SearchDemo:
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
-        describe: Callable[[SearchNote], str] = in_plain_words,
         among: Among | None = None,
     ) -> None:
         self._among = among
         self.scenario = scenario
         self._limit_s, self._flight_dir = limit_s, flight_dir
-        self._say, self._describe = say, describe
+        self._say = say
         self._rig = Rig()
         self._seen = _Seen()
 
@@ -254,7 +252,7 @@ class SearchDemo:
             match record:
                 case SearchNote():
                     self._seen.notes.append(record)
-                    self._say(self._describe(record))
+                    self._say(in_plain_words(record))
                 case SystemStatus() if topic == "system_status":
                     self._take_status(record)
 

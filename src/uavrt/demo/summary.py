@@ -129,10 +129,7 @@ def summarize_tag(
 
 
 def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tuple[int, int]:
-    """Widen the reported time of a flight's samples to all recorded pulses.
-
-    The reports of a receiver that was killed may be missing.
-    """
+    """Widen the reported time of a flight's samples, which may lack parts, to all pulses."""
     limit_ns = ns_from_s(MATCH_TIME_S)
     times = [pulse.start_time_ns for pulse in recorded]
     return (
@@ -162,10 +159,7 @@ def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
 
 
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
-    """Pair each true pulse with the nearest unpaired found one.
-
-    `found`: in order of time.
-    """
+    """Pair each true pulse with the nearest unpaired found one, in order of time."""
     times = [pulse.start_time_ns for pulse in found]
     limit_ns = ns_from_s(MATCH_TIME_S)
     taken: set[int] = set()

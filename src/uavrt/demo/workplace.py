@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from uavrt.errors import UavrtError, UsageError
+from uavrt.errors import UavrtError, UsageError, os_errors_as
 
 PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
@@ -67,19 +67,15 @@ def _is_left(place: Path) -> bool:
 
 
 def require_free_port(port: int | None) -> None:
-    """Check that the page's port is free, before anything is started.
-
-    Raises `UsageError`: it is taken, or may not be used.
-    """
+    """Check the page's port before the start; raises `UsageError` if it is not free."""
     if not port:
         return
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sock:
         # As servers do: what a server that has ended left waiting is no obstacle.
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
+        with os_errors_as(
+            UsageError,
+            f"the page cannot be served at port {port}",
+            remedy="Give another --port, or leave it out for any free one",
+        ):
             sock.bind(("127.0.0.1", port))
-        except OSError as error:
-            raise UsageError(
-                f"the page cannot be served at port {port}: {error.strerror}",
-                remedy="Give another --port, or leave it out for any free one",
-            ) from error

@@ -45,10 +45,7 @@ def flight_world(
 def search_world(
     file: Path | None, *, limit_s: float, seed: int | None, coded: bool
 ) -> Scenario:
-    """World for a search; as `flight_world`, but the drone is commanded.
-
-    `limit_s`: longest duration of the search.
-    """
+    """World for a commanded search of at most `limit_s`; else as `flight_world`."""
     if file is None:
         return search_scenario(1 if seed is None else seed, coded=coded)
     scenario = _of_file(file, seed, coded)

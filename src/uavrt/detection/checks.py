@@ -10,10 +10,13 @@ from uavrt.messages import Tag
 def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: float) -> None:
     """Refuse what cannot be searched; an infinite window is the whole channel."""
     if not rate_hz > 0.0 or not math.isfinite(rate_hz):
-        raise ConfigError(f"a sample rate of {rate_hz} Hz", remedy="Give a positive rate")
+        raise ConfigError(
+            f"the sample rate of {rate_hz} Hz is not positive", remedy="Give a positive rate"
+        )
     if not window_hz > 0.0:
         raise ConfigError(
-            f"a frequency window of {window_hz} Hz", remedy="Give a positive half-width"
+            f"the frequency window of {window_hz} Hz is not positive",
+            remedy="Give a positive half-width",
         )
     if abs(tag.frequency_hz - center_hz) > rate_hz / 2.0:
         raise ConfigError(
@@ -30,7 +33,8 @@ def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: floa
         )
     if tag.k < 1 or not 0.0 < tag.false_alarm_probability < 1.0:
         raise ConfigError(
-            f"tag {tag.tag_id} has k = {tag.k}, false alarms {tag.false_alarm_probability}",
+            f"tag {tag.tag_id}: k = {tag.k} or the false-alarm probability "
+            f"{tag.false_alarm_probability} is out of range",
             remedy="k is 1 or more, the false-alarm probability lies between 0 and 1",
         )
     if tag.pulse_width_s * rate_hz < 4.0:

@@ -1,8 +1,8 @@
-"""The pulse detector of one tag: samples of a channel in, pulses out.
+"""The pulse detector of one tag: samples of a channel in, pulses out. A pure stage.
 
-A pure stage. Samples are gathered for up to 0.44 s, cleaned of impulses, turned into a
-spectrogram, searched for groups of K pulses; a group begins a track, a track finds the pulses
-that follow; every pulse is reported once (docs/explanation/detection.md).
+Samples are gathered for up to 0.44 s, cleaned of impulses, turned into a spectrogram, searched
+for groups of K pulses; a group begins a track, a track predicts the pulses that follow; every
+pulse is reported once (docs/explanation/detection.md).
 """
 
 import math
@@ -34,10 +34,11 @@ from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BATCH_S = 0.44
-"""Longest that samples are gathered before the search goes on: latency against NumPy's price of
-a call. Five blocks of 87.4 ms are 0.437 s; a pulse is reported 0.04 s after it at least."""
+"""Longest time for which samples are gathered before the search continues: latency against
+NumPy's cost per call. Five blocks of 87.4 ms are 0.437 s; a pulse is reported at least 0.04 s
+after it."""
 _FIRST_STEP = 0.7639
-"""First step over a later one: after three blocks of 87 ms there is noise to learn from."""
+"""Ratio of the first step to later ones: three blocks of 87 ms suffice to estimate noise."""
 _MAXIMUM_TRACKS = 12
 
 
@@ -94,9 +95,9 @@ class PulseDetector:
         )
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
-        """What a hard lock keeps to until `reset`, absolute; None before the first."""
+        """Absolute frequency of a hard lock until `reset`; None before the first."""
         self.senders: Senders[PulseDetector] | None = None
-        """Which of its tracks are its tag's, decided with the detectors of the same band."""
+        """Decides, with the detectors of the same band, which tracks are its tag's."""
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
@@ -155,11 +156,11 @@ class PulseDetector:
         self._patience = round(self._batch * _FIRST_STEP)
         self._tracks = list(tracks)
         self._knows = False
-        """Whether the band leaves out what known pulses explain."""
+        """True if the band suppresses what known pulses explain."""
         self._follower.epoch_ns = epoch_ns
 
     def reset(self) -> None:
-        """Forget samples, tracks and the locked frequency; counters and group numbers go on."""
+        """Clear samples, tracks and the locked frequency, not counters and group numbers."""
         self.locked_frequency_hz = None
         self._look_around(self._nominal_hz, self.frequency_window_hz)
         self._start()
@@ -186,7 +187,7 @@ class PulseDetector:
         return self.drain()
 
     def take_all(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> None:
-        """Process blocks, as `take` each."""
+        """Run `take` on several blocks."""
         count = 0 if self._intake.stale_blocks else self._buffer.extend(blocks)
         for samples, _ in blocks[:count]:
             self._longest.note(len(samples))
@@ -195,9 +196,9 @@ class PulseDetector:
             self.take(samples, time_ns)
 
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
-        """Process a block without a search; how long it is, 0 if it was refused.
+        """Add a block without searching; return its length, 0 if it was refused.
 
-        `process` in pieces, as `next_step`, `prepare`, `conclude` and `drain` are, for a
+        Part of `process`, as `next_step`, `prepare`, `conclude` and `drain` are, for a
         `DetectorGroup`.
         """
         self._longest.note(len(samples))
@@ -223,9 +224,9 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which the search goes on after a block of such a length, if it does.
+        """Index up to which to search after a block of such a length; None if not yet.
 
-        It goes on when with one more block, as long as any of the last, it would be late.
+        It searches if waiting for another block, as long as any of the last, would be too late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:
@@ -236,9 +237,9 @@ class PulseDetector:
         return self._clean + fresh
 
     def patient(self) -> int:
-        """Samples of blocks, the longest of the last counted twice, up to which no step is due.
+        """Number of samples, counting the longest recent block twice, before the next step.
 
-        0: each block must be looked at when it comes.
+        0: each block must be checked on arrival.
         """
         if self._intake.stale_blocks or self._buffer.empty or self._buffer.holes:
             return 0
@@ -246,7 +247,7 @@ class PulseDetector:
         return max(0, self._patience - fresh)
 
     def drain(self) -> list[Pulse]:
-        """Take the pulses found."""
+        """Return the pulses found."""
         return self._reporter.drain()
 
     def flush(self) -> list[Pulse]:
@@ -260,7 +261,7 @@ class PulseDetector:
         return self.leave()
 
     def end(self) -> None:
-        """Search what is left; `flush` in pieces, as `leave` is, for a `DetectorGroup`."""
+        """Search the rest; part of `flush`, as `leave` is, for a `DetectorGroup`."""
         if not self._buffer.empty:
             # A track looks a little past where it expects its pulse: nothing lies there.
             beyond_s = 3.0 * self.tag.interval_uncertainty_s + self.tag.interval_jitter_s
@@ -269,7 +270,7 @@ class PulseDetector:
             self._advance(self._buffer.end, last=True)
 
     def leave(self) -> list[Pulse]:
-        """Report all that is complete, and start over."""
+        """Report everything that is complete, and reset."""
         if not self._buffer.empty:
             for track in self._tracks:
                 self._reporter.report(track, last=True)
@@ -279,39 +280,39 @@ class PulseDetector:
 
     @property
     def searched_samples(self) -> int:
-        """Index after the last sample of this stream that was searched."""
+        """Index after the last searched sample of this stream."""
         return self._clean
 
     def search_reports(self) -> list[SearchReport]:
-        """Take the reports of stretches searched since the last call, one a second."""
+        """Get the search reports since the last call, one a second."""
         return self._reporter.drain_reports()
 
     @property
     def tracks(self) -> list[Track]:
-        """All tracks that it follows, of its tag or not."""
+        """All tracks, of its tag or not."""
         return self._tracks
 
     @property
     def now_s(self) -> float:
-        """Up to when it has searched, in its tracks' seconds."""
+        """Time up to which it has searched, in its tracks' seconds."""
         return self._follower.seconds(self._clean)
 
     @property
     def half_width_hz(self) -> float:
-        """Of the search around the nominal frequency."""
+        """Half-width of the search around the nominal frequency."""
         return min(self.frequency_window_hz, self.sample_rate_hz / 2.0)
 
     def absolute_hz(self, track: Track) -> float:
-        """Frequency of a track, the one nearest to the tag's of those that look alike."""
+        """Frequency of a track; among its aliases, the one nearest to the tag's."""
         away_hz = apart_hz(track.offset_hz, self._nominal_hz, self.sample_rate_hz)
         return self.tag.frequency_hz + away_hz
 
     def could_be(self, frequency_hz: float) -> bool:
-        """Whether its tag may be at an absolute frequency."""
+        """True if its tag may be at an absolute frequency."""
         return self._bounds.off_frequency(frequency_hz - self.center_frequency_hz) is None
 
     def time_ns(self, time_s: float) -> float:
-        """Absolute time of its tracks' seconds."""
+        """Absolute time at its tracks' seconds."""
         return self._follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
@@ -341,7 +342,7 @@ class PulseDetector:
         self._patience = self._batch
 
     def conclude(self, results: list[tuple[RateSearch, list[Candidate]]] | None) -> None:
-        """Take what the band has found: judge, follow and report."""
+        """Process the band's results: judge, follow and report."""
         if results is None:
             return
         upto = self._clean
@@ -368,7 +369,7 @@ class PulseDetector:
         self._reporter.searched(self._buffer.time_ns(upto), self.band, self._cleaner.occupancy)
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
-        """Turn candidates into groups; several candidates of the same pulses are one."""
+        """Turn candidates into groups; several candidates of the same pulses become one."""
         taken: list[list[Measured]] = []
         untracked = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
         rate_hz = self.sample_rate_hz
@@ -482,7 +483,7 @@ class PulseDetector:
         return next((t for t in tags if not (t.held or t.dead)), None)
 
     def _lock(self) -> None:
-        """Keep to the frequency of the tag once two of its groups were heard."""
+        """Lock to the frequency of the tag once two of its groups were received."""
         owner = self._owner()
         if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
             return

@@ -1,16 +1,14 @@
-"""Run many detectors in one process, cheaper than separately.
+"""Run many detectors in one process, at a lower cost than separately.
 
-A detector looks at its samples every 0.44 s. Between, its blocks wait here, once for all tags
-of a channel; when tags are due at the same time and stand at the same place of their streams,
-what is the same for all of them is done together (docs/decisions/0147). The pulses are those
-of the detectors alone, but where bands overlap: there each train of pulses is one tag's
-(docs/decisions/0159).
+A detector searches every 0.44 s. In between, its blocks wait here, once for all tags of a
+channel; tags that are due at the same time and position in their streams share their
+computation. The pulses are those of the detectors alone, except where
+bands overlap: there each train of pulses belongs to one tag.
 
-A detector searches all that has come when one more block would make it more than 0.44 s, since
-a step costs the same whatever its length; fixed steps of 0.35 s would leave a part of a block
-over for the next step, and need a quarter more steps. The latency is 0.25 s in the middle and
-0.47 s at most. The steps of all tags fall on the same block, so that the rest finds code and
-caches warm (3 %).
+A detector searches all samples when another block would make them longer than 0.44 s, since a
+step has a constant cost; fixed steps of 0.35 s would leave part of a block, and need a quarter
+more steps. The latency is 0.25 s on average and 0.47 s at most. The steps of all tags fall on
+the same block, so that code and caches are warm (3 %).
 """
 
 from collections.abc import Hashable, Iterable
@@ -32,19 +30,19 @@ from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _TOGETHER = 8
-"""Detectors searched at once: their cells, 0.5 MB, stay in the cache of a core."""
+"""Detectors searched at once: their cells, 0.5 MB, fit the cache of a core."""
 
 
 @dataclass(slots=True, eq=False)
 class _Member:
-    """A detector and how far it has read its channel's blocks."""
+    """A detector and its position in the channel's blocks."""
 
     detector: PulseDetector
     taken: int = 0
-    """Blocks of the channel."""
+    """Number of the channel's blocks it has taken."""
     due: int = 0
-    """Samples of the channel, the longest of the newest blocks counted twice, that may come
-    before it must be searched; 0: none."""
+    """Samples of the channel, counting the longest recent block twice, before its next step; 0:
+    none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -56,23 +54,23 @@ class _Channel:
     tolerance_ns: float
     blocks: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
     before: int = 0
-    """Blocks that came before those."""
+    """Number of blocks dropped before those."""
     samples: int = 0
-    """Samples of all blocks so far."""
+    """Total samples of all blocks."""
     longest: LongestBlock = field(default_factory=LongestBlock)
     next_ns: float = 0.0
-    """Time at which the next block begins if none is lost."""
+    """Expected time of the next block."""
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """The least of the members' `due`; 0: some member must be looked at with each block."""
+    """The least `due` of the members; 0: a member must be checked with each block."""
 
     def catch_up(self, member: _Member) -> None:
-        """Give a member the blocks that it has not taken; no step was due with any of them."""
+        """Pass a member the blocks that it has not taken; no step was due with any of them."""
         member.detector.take_all(self.blocks[member.taken - self.before :])
         member.taken = self.before + len(self.blocks)
 
     def wait(self, member: _Member) -> None:
-        """Find out how long a member that has taken all blocks needs not be looked at."""
+        """Determine when a member that has taken all blocks is next due."""
         patience = member.detector.patient()
         member.due = self.samples + patience if patience else 0
         self.soonest = min(m.due for m in self.members)
@@ -97,11 +95,11 @@ class DetectorGroup:
         self._workspace = Workspace()
         self._memory = np.zeros(0, np.float32)
         self._homes: dict[_Member, list[tuple[int, int]]] = {}
-        """Where in the memory a member's rings lie, and their sizes."""
+        """Position of a member's rings in the shared memory, and their sizes."""
         self.alone: frozenset[int] = frozenset()
-        """Ids of tags that are searched by themselves: one of them may be at fault."""
+        """Ids of tags that are searched separately, since one of them may cause a failure."""
         self.in_hand: tuple[PulseDetector, ...] = ()
-        """Whose turn it was last: when a search fails, one of them is at fault."""
+        """Detectors of the last step; if a search fails, one of them is the cause."""
 
     def add(self, channel: Hashable, detectors: Iterable[PulseDetector]) -> None:
         """Add the detectors of a channel, at least one, before its first block."""
@@ -179,7 +177,7 @@ class DetectorGroup:
             _forget(line)
 
     def collect(self) -> list[Pulse]:
-        """Search where it is due; get the pulses found since the last call."""
+        """Search what is due; return the pulses found since the last call."""
         self._search()
         pulses, self._pulses = self._pulses, []
         return pulses
@@ -214,7 +212,7 @@ class DetectorGroup:
         self._go_on(active)
 
     def _go_on(self, active: list[tuple[_Channel, _Member, int]]) -> None:
-        """Advance detectors as far as they can, those of one band step by step."""
+        """Advance detectors as far as possible, those of one band step by step."""
         members = [member for _, member, _ in active]
         while active:
             steps: dict[Hashable, list[tuple[PulseDetector, int]]] = {}
@@ -247,7 +245,7 @@ class DetectorGroup:
                 self._pulses += hearer.drain()
 
     def _look_for_ghosts(self) -> None:
-        """Find the trains that are a stronger tag's; take back what was not collected yet."""
+        """Find trains that are ghosts of a stronger tag; retract those not collected yet."""
         if self._receiver is None:
             return
         self.in_hand = ()  # no one tag's search
@@ -304,7 +302,7 @@ class DetectorGroup:
             detector.conclude(result)
 
     def _house(self, member: _Member) -> None:
-        """Have a member's rings in the memory of all, where they can be looked at together."""
+        """Move a member's rings to the shared memory, for joint searches."""
         searches = member.detector.band.anchor_searches()
         if all(search.memory is self._memory for search in searches):
             return

@@ -1,7 +1,7 @@
-"""How a detector uses the frequency of a tag that it has found.
+"""How a detector uses a tag's frequency once found.
 
 The four modes and their names are those of the original's configuration file; there they were
-parsed and ignored, here they act.
+parsed and ignored, here they are implemented.
 """
 
 from enum import StrEnum

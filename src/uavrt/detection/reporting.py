@@ -1,7 +1,7 @@
-"""How often a detector says how far it has searched, where it has found nothing."""
+"""Rate of a detector's reports on what it has searched without success."""
 
 CODES_PER_REPORT_S = 20
-"""Reports in a second: those of many codes come more seldom, all of a channel together."""
+"""Reports per second for all codes of a channel together."""
 
 
 def report_every_s(codes: int) -> float:

@@ -1,8 +1,7 @@
-"""Measure what searching for a tag list costs on this computer, before it starts.
+"""Measure the cost of searching for a tag list on this computer, before the search starts.
 
-The cost of a tag goes with the square of K, its uncertainty of interval and the window, and
-with the computer; so it is measured here, for a moment, on noise and on the tag's own pulses:
-the detectors are run as they will be.
+The cost grows with the square of K, with the uncertainty of the interval and with the window.
+So the detectors are run for a moment on noise and on the tag's own pulses.
 """
 
 from collections import Counter
@@ -21,25 +20,26 @@ from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
 CHEAP_TAGS: Final = 50
-"""Cost up to which a list is not measured, in usual tags (K = 3, ± 60 ms, ± 500 Hz); this many
+"""Cost up to which a list is not measured, in typical tags (K = 3, ± 60 ms, ± 500 Hz); so many
 take a fifth of a core here."""
 _USUAL: Final = 3**2 * 0.06 * 1000.0
-"""K², uncertainty [s] and width of the search [Hz] of such a tag."""
+"""K², uncertainty [s] and search width [Hz] of a typical tag."""
 _LEAST_UNCERTAINTY_S: Final = 0.003
 _RATE_HZ: Final = 7500.0
-"""Of the channels that the front end makes."""
+"""Sample rate of the channels [Hz]."""
 _BLOCK: Final = 655
 _MEASURED_S: Final = 3.0
-"""Of signal, some searches of each detector."""
+"""Length of the measured signal [s], for some searches by each detector."""
 _TOGETHER: Final = 4
 _DEAR: Final = 10.0
-"""Least cost of a tag that is measured by itself, in usual tags."""
+"""Least cost of a tag that is measured separately, in typical tags."""
 _HEARD_POWER: Final = 40.0
-"""ENR of the pulses of a tag that is heard."""
+"""ENR of the pulses of a tag in reception."""
 _CODE_SHARE: Final = 2e-4
-"""Of a core, for each code: 500 take less than a tenth of one."""
+"""Share of a core for each code; 500 take less than a tenth."""
 _MOST_CPU_S: Final = 2.0
-"""Most that is spent on measuring; other kinds of tags count as the dearest measured [s]."""
+"""Longest measurement [s of CPU]; further kinds of tags count as the most expensive
+measured."""
 
 
 def search_cost(
@@ -48,10 +48,10 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure what searching for tags will cost.
+    """Measure the cost of searching for tags.
 
-    Returns: processor cores that the detectors need in real time while one tag of each kind is
-    heard; 0.0 for lists too cheap to matter.
+    Returns processor cores needed in real time while one tag of each kind is received; 0.0 for
+    lists too cheap to matter.
     """
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
@@ -73,7 +73,7 @@ def search_cost(
 
 
 def _weight(tag: Tag, settings: DetectionSettings) -> float:
-    """Estimate how many usual tags one is worth: intervals times frequencies tried."""
+    """Estimate a tag's cost in typical tags: intervals times frequencies tried."""
     whole = settings.operating_mode == OperatingMode.ALL_NEVER_LOCK.value
     width_hz = _RATE_HZ if whole else min(2.0 * settings.frequency_window_hz, _RATE_HZ)
     uncertainty_s = max(tag.interval_uncertainty_s, _LEAST_UNCERTAINTY_S)
@@ -84,7 +84,7 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
 def _measure(
     tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
 ) -> float:
-    """Run some detectors of a kind on noise, or one on its tag; the cores that each needs."""
+    """Run some detectors of a kind on noise, or one on its tag; return the cores for each."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > _DEAR else _TOGETHER
     group = DetectorGroup()
@@ -120,7 +120,7 @@ def _measure(
 
 
 def _pulses(tag: Tag, at: int) -> NDArray[np.complex64]:
-    """Samples of a tag's pulses, at the middle of the channel, from a place on."""
+    """Samples of a tag's pulses at the channel's centre, from a position on."""
     seconds = (at + np.arange(_BLOCK)) / _RATE_HZ
     sent = seconds % tag.pulse_intervals_s[0] < tag.pulse_width_s
     # Noise of variance 2: a pulse's energy over it is its ENR.

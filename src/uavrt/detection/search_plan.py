@@ -1,6 +1,6 @@
-"""Plan the search for a list of tags: radio frequency, channels, cost; refuse what cannot be.
+"""Plan the search for a list of tags: radio frequency, channels, cost; refuse impossible ones.
 
-The drone asks at the start of a flight, and `uavrt tags check` beforehand.
+Used by the drone at the start of a flight, and by `uavrt tags check`.
 """
 
 import math
@@ -17,17 +17,17 @@ from uavrt.errors import TunerError
 from uavrt.messages import Tag
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Modes that search the whole channel, or ± 100 Hz, whatever the window."""
+"""Modes that search the whole channel, or ± 100 Hz, regardless of the window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchPlan:
-    """How a list of tags is searched for."""
+    """The plan for a list of tags."""
 
     center_frequency_hz: float
-    """Of the radio."""
+    """Frequency of the radio."""
     warnings: tuple[str, ...]
-    """What could not be avoided, for the operator."""
+    """Unavoidable limitations, for the operator."""
     cores: float
     """Processor cores that the detectors need; 0.0 for lists too cheap to be measured."""
 
@@ -43,14 +43,12 @@ def plan_search(
 ) -> SearchPlan:
     """Choose the radio's frequency for a list of tags, and refuse what cannot be searched.
 
-    `cpu_s`: processor time used so far [s], by which the cost of a long list is measured.
-    `sample_rate_hz`: rate of the radio [Hz].
-    `center_frequency_hz`: frequency of the radio [Hz]; None: the tuner's choice. Tags out of
-    its reach are left out.
-    `spare_cores`: processor cores for the detectors; infinite: any number.
-    Raises `TunerError`: no frequency serves all tags, or their search needs more than the spare
-    cores.
-    Raises `ConfigError`: a tag, or the search window around it, does not fit its channel.
+    `cpu_s`: returns processor time used so far [s], to measure the cost of a long list.
+    `sample_rate_hz`: rate of the radio [Hz]. `center_frequency_hz`: frequency of the radio
+    [Hz], tags out of its range are left out; None: the tuner chooses. `spare_cores`: processor
+    cores for the detectors; infinite: any number. Raises `TunerError`: no frequency serves all
+    tags, or the search needs more than the spare cores. Raises `ConfigError`: a tag, or the
+    search window around it, does not fit its channel.
     """
     warnings: tuple[str, ...] = ()
     if center_frequency_hz is None:

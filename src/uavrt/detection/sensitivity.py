@@ -1,9 +1,9 @@
-"""How strong pulses must be for the search to find a group of them.
+"""Pulse strength needed for the search to find a group.
 
 Noncoherent square law (Marcum 1960, IRE Trans. IT-6): the power of a pulse's cell over the
 noise is half a noncentral chi-square of two degrees of freedom. A group is the sum of one such
-cell and of K - 1 maxima of a pulse's cell and the cells of noise within the jitter. The
-threshold is the search's own, with all the hypotheses that it tries.
+cell and of K - 1 maxima of a pulse's cell and the noise cells within the jitter. The threshold
+is the search's own, with all its hypotheses.
 """
 
 import math
@@ -27,21 +27,21 @@ from uavrt.messages import Tag
 _HOPS_PER_PULSE = 8
 _GAIN_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
 _GAIN_DB = np.array([0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05])
-"""What the best of a grid of overlapping cells adds to each pulse beyond one cell in its place,
-by K: the difference to the ENR for Pd .5 that the experiments measure."""
+"""Gain per pulse from choosing the best of overlapping cells, by K: the difference to the ENR
+for Pd .5 in the experiments."""
 _LOSS_BURSTS = np.log(np.array([1.0, 3.0, 10.0]))
 _LOSS_DB = np.array([0.2, -0.1, 0.2])
-"""Loss of a coded tag's sums, by the bursts, from cells that lie off the pulses, less what a
-closer look gains: the difference to what experiment E23 measures."""
+"""Loss of a coded tag's sums from cells beside the pulses, less the gain of refinement, by
+number of bursts: the difference to experiment E23."""
 _STEP = 0.02
-"""Of the distributions of cells, in noise powers."""
+"""Resolution of the cells' distributions [noise powers]."""
 
 
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
-    """Sum of K cells, in noise powers, that the search asks of a group of the tag's first rate.
+    """Sum of K cells, in noise powers, required of a group of the tag's first rate.
 
-    `frequency_window_hz`: half-width of the search around its frequency.
-    `sample_rate_hz`: of the channel: its width bounds the search.
+    `frequency_window_hz`: half-width of the search around its frequency. `sample_rate_hz`: of
+    the channel, whose width limits the search.
     """
     hop_s = tag.pulse_width_s / _HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
@@ -91,7 +91,7 @@ def detection_probability(
 
 
 def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
-    """Chance that K bursts are found: one of them by itself, or three or all together."""
+    """Chance that K bursts are found: a single one, or three or all together."""
     pulses = len(tag.gaps_s) + 1
 
     def together(bursts: int) -> float:
@@ -146,7 +146,7 @@ def enr_needed_db(
 
 
 def gain_in_words(before: Tag, after: Tag) -> str:
-    """Say how much weaker pulses are found with a corrected interval; empty if none are."""
+    """Describe how much weaker pulses may be with a corrected interval; empty if not at all."""
     if replace(before, frequency_hz=after.frequency_hz) == after:
         return ""
     gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)

@@ -18,10 +18,7 @@ _LEAST_STEP_NS: Final = 100_000
 
 
 class BlockTimes:
-    """Time of each sample of a stream, and the sample of each time.
-
-    `sample_rate_hz`: nominal rate.
-    """
+    """Time of each sample of a stream of a nominal rate, and the sample of each time."""
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate_hz = sample_rate_hz

@@ -66,7 +66,10 @@ class Channelizer:
         in_use: Sequence[int] | None = None,
     ) -> None:
         if channels < 2 or (mode == "default" and channels % 2):
-            raise UsageError(f"{channels} channels", remedy="Use an even number of channels")
+            raise UsageError(
+                f"{channels} is not a possible number of channels",
+                remedy="Use an even number of channels",
+            )
         self.channels = channels
         self.mode: Mode = mode
         self.in_use = tuple(range(channels) if in_use is None else in_use)

@@ -48,10 +48,7 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Finds samples at the limits of the converter.
-
-    Of fast radios, 64 samples of each half millisecond are examined.
-    """
+    """Finds samples at the converter's limits, in 64 of each half millisecond if fast."""
 
     def __init__(self) -> None:
         self.looked_s = 0.0

@@ -60,7 +60,9 @@ class Decimator:
         taps: NDArray[np.float64] | None = None,
     ) -> None:
         if not 2 <= factor <= 64:
-            raise UsageError(f"decimation factor {factor}", remedy="Use 2 to 64")
+            raise UsageError(
+                f"the decimation factor {factor} is not supported", remedy="Use 2 to 64"
+            )
         if taps is None:
             design = compatible_decimator_taps if mode == "compatible" else decimator_taps
             taps = design(factor)

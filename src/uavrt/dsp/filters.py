@@ -19,7 +19,6 @@ def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
 
     A windowed sinc of ``int(4 / 0.05)`` taps made odd, cut off at half the output rate
     (-6 dB *at* the output's Nyquist frequency), Hamming window, unity gain at 0 Hz.
-
     Returns: shape (81,).
     """
     offset = np.arange(81) - 40.0
@@ -34,7 +33,6 @@ def decimator_taps(factor: int) -> NDArray[np.float64]:
     transition lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate,
     since what folds into the clean span lies beyond the second. Kaiser's formula asks for 88.5
     taps at 60 dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
-
     Returns: shape (n,).
     """
     # Window shapes found by a scan of all factors: 60.0 to 61.6 dB.

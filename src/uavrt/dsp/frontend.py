@@ -233,7 +233,10 @@ def _set_up(
     frequencies = tuple(float(frequency) for frequency in frequencies_hz)
     for frequency in (center_frequency_hz, *frequencies):
         if not np.isfinite(frequency):
-            raise UsageError(f"frequency {frequency} Hz", remedy="Give frequencies in hertz")
+            raise UsageError(
+                f"the frequency {frequency} Hz is not possible",
+                remedy="Give frequencies in hertz",
+            )
     reach = max((abs(f - center_frequency_hz) for f in frequencies), default=0.0)
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     layout = plan_band(sample_rate_hz, reach_hz=reach, mode=mode)

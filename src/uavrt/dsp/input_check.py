@@ -31,10 +31,7 @@ GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 
 
 class InputCheck:
-    """Checks the radio's samples once a second for faults of the set-up.
-
-    `tags`: those that are searched for. `center_frequency_hz`: of the radio.
-    """
+    """Checks once a second, for the searched tags, for faults of the radio's set-up."""
 
     def __init__(self, tags: Iterable[Tag], center_frequency_hz: float) -> None:
         self._on_dc = sorted(

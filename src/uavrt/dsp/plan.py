@@ -164,10 +164,7 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
 
 
 def widest_half_span_hz(sample_rate_hz: float) -> float:
-    """Half the span that a recording serves at most, about its centre [Hz].
-
-    `sample_rate_hz`: rate of the recording [Hz].
-    """
+    """Half the span that a recording of a rate serves at most, about its centre [Hz]."""
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
 
@@ -208,13 +205,10 @@ def _smooth(number: int) -> bool:
 
 
 def check_rate(sample_rate_hz: float) -> None:
-    """Refuse a sample rate that no plan serves.
-
-    Raises `UsageError`: below 3 kS/s, above 64 × 375 kS/s, or not a number.
-    """
+    """Refuse a sample rate that no plan serves; raises `UsageError`."""
     highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
     if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:
         raise UsageError(
-            f"sample rate {sample_rate_hz:g} Hz",
+            f"the sample rate {sample_rate_hz:g} Hz is not supported",
             remedy=f"Use {LOWEST_RATE_HZ:g} to {highest:g} samples a second",
         )

@@ -100,7 +100,10 @@ def tune(
     check_rate(sample_rate_hz)
     tags = _checked(frequencies_hz)
     if channel_count is not None and channel_count % 2:
-        raise UsageError(f"{channel_count} channels", remedy="Use an even number of channels")
+        raise UsageError(
+            f"{channel_count} is not a possible number of channels",
+            remedy="Use an even number of channels",
+        )
     band = plan_band(sample_rate_hz, reach_hz=float(np.ptp(tags)) / 2.0)
     while True:
         count = channel_count or band.channel_count
@@ -149,7 +152,7 @@ def _checked(frequencies_hz: Sequence[float]) -> Floats:
     wrong = [f"{f:g}" for f in tags if not (np.isfinite(f) and f >= 1e5)]
     if wrong:
         raise UsageError(
-            f"tag frequencies {', '.join(wrong)} Hz",
+            f"the tag frequencies {', '.join(wrong)} Hz are not possible",
             remedy="Give frequencies in hertz (148.71 MHz is 148710000)",
         )
     return np.rint(tags)

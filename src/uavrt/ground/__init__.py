@@ -1,6 +1,6 @@
-"""The ground station.
+"""The ground station: links to vehicles, storage of flights, and the web page.
 
-`session` is all that one vehicle is to it, `fleet` several vehicles on the same links,
-`station` one without a page. `link` talks to drones, `fetch` brings their files, `store` keeps
-flights and settings, `web` serves the page.
+`session` serves one vehicle, `fleet` several on the same links, `station` runs without a page.
+`link` talks to drones, `fetch` downloads their files, `store` keeps flights and settings, `web`
+serves the page.
 """

@@ -1,4 +1,4 @@
-"""Decide which of several open pages is in command. Pure."""
+"""Decide which of several open pages may command the vehicle. Pure."""
 
 from collections import Counter
 
@@ -6,13 +6,13 @@ from uavrt.errors import CommandRefused
 
 
 class Commander:
-    """One page commands; the others watch until one of them takes over.
+    """Allows commands from one page; the others watch until one of them takes over.
 
-    A page names itself when it opens its records and in what it asks; scripts, which name no
-    page, may do what they did. Who commands is the first page that is there, and it stays when
-    it is reloaded; when it has gone, whoever asks next.
+    A page sends its name when it connects and with each request. Scripts send no name and may
+    always command. The first connected page commands and keeps command when it is reloaded;
+    once it has gone, the next page that sends a command gets it.
 
-    `page`: who commanded before a restart in flight.
+    `page`: the commanding page before a restart in flight.
     """
 
     def __init__(self, page: str | None = None) -> None:
@@ -21,27 +21,27 @@ class Commander:
 
     @property
     def present(self) -> str | None:
-        """The page that commands, while it is there."""
+        """The commanding page, while it is connected."""
         return self.page if self.page is not None and self._there[self.page] > 0 else None
 
     def come(self, page: str) -> None:
-        """Add a page that has started to listen."""
+        """Add a page that has connected."""
         self._there[page] += 1
         if self.page is None:
             self.page = page
 
     def go(self, page: str) -> None:
-        """A page listens no more."""
+        """Remove a page that has disconnected."""
         self._there[page] -= 1
         if self._there[page] <= 0:
             del self._there[page]
 
     def take(self, page: str) -> None:
-        """Let this page command from now on."""
+        """Give command to this page."""
         self.page = page
 
     def check(self, page: str | None) -> None:
-        """Refuse what a page asks that only looks on; raises `CommandRefused`."""
+        """Refuse commands of a page that only watches; raises `CommandRefused`."""
         if page is None or page == self.page:
             return
         if self.present is not None:

@@ -1,4 +1,4 @@
-"""Estimates a vehicle's flight again whenever more was received, within a share of a core."""
+"""Repeat a vehicle's estimates whenever new data arrives, within a share of a core."""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -11,18 +11,19 @@ from uavrt.localization.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Estimates run again after eight times as long as they took: at most 11 % of a core …"""
+"""Minimum pause between estimates, in multiples of their duration: at most 11 % of a core."""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
-"""… and with several vehicles after this many times as long for each: 5 % in all."""
+"""The same multiple with several vehicles, for each: 5 % of a core in all."""
 ESTIMATES_SHOWN_S = 2.0
-"""Of many tags some come with each estimate: the page receives them at this interval."""
+"""Interval at which estimates are sent to the page while those of many tags are under way
+[s]."""
 
 
 class EstimateLoop:
-    """Estimates of the current flight of one vehicle.
+    """Repeats the estimates of one vehicle's current flight.
 
-    `companions`: get those of the other vehicles.
-    `estimating`: held while estimates are worked out, by one vehicle at a time.
+    `companions`: returns the other vehicles' estimates. `estimating`: lock held while
+    computing, so that one vehicle computes at a time.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class EstimateLoop:
         self._task: asyncio.Task[None] | None = None
 
     def soon(self) -> None:
-        """Estimate again: more was received, here or by another vehicle."""
+        """Request a new estimate: data arrived from this or another vehicle."""
         self._due = True
 
     def restart(self) -> None:
@@ -106,7 +107,7 @@ class EstimateLoop:
         )
 
     def _take(self, found: Estimates, flight_id: str | None) -> None:
-        """Show estimates to the pages, and let other vehicles use what is new in them."""
+        """Send estimates to the pages; let the other vehicles use what is new in them."""
         if found.outline != self.latest.outline:
             for companion in self._companions():
                 companion.soon()

@@ -1,9 +1,8 @@
 """All vehicles that one ground station serves.
 
-The first is the page's own, found and chosen as ever. The operator lets more be served: each is
-a session of its own, with tags, flights, commands and losses of its own, on the links of the
-first, and a page of its own below ``/vehicle/NUMBER/``. What they find out about a tag is put
-together into one position.
+The first one belongs to the main page. The operator may add further ones: each is a session
+with its own tags, flights and commands on the links of the first, and has its own page below
+``/vehicle/NUMBER/``. Their findings about a tag are combined into one position.
 """
 
 import asyncio
@@ -27,9 +26,9 @@ from uavrt.mavlink.signing import Signing
 from uavrt.messages import BurstInside, Course, PulsePose
 
 MOST_VEHICLES = 16
-"""Heartbeats and poses of more would fill any radio."""
+"""Most vehicles; heartbeats and poses of more would fill any radio."""
 TELL_S, TELL_WITHIN_S = 1.0, 0.05
-"""Between two words to each drone on the others, and on what is new."""
+"""Interval of the reports to each drone about the others [s], and delay of a change."""
 
 
 class Fleet:
@@ -61,7 +60,7 @@ class Fleet:
 
     @property
     def sessions(self) -> tuple[GroundSession, ...]:
-        """All, the first first."""
+        """All sessions; the main one comes first."""
         return (self.first, *self._others.values())
 
     def session(self, system_id: int) -> GroundSession | None:
@@ -69,7 +68,7 @@ class Fleet:
         return self._others.get(system_id)
 
     async def run(self) -> None:
-        """Serve until cancelled; the vehicles of the last run are served again."""
+        """Serve until cancelled; resume the vehicles of the last run."""
         self._store.disk.start()
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
@@ -92,7 +91,7 @@ class Fleet:
         if system_id == self.first.vehicle.identity.system_id:
             raise UsageError(f"vehicle {system_id} is served by the first page")
         if len(self.sessions) >= MOST_VEHICLES:
-            raise UsageError(f"more than {MOST_VEHICLES} vehicles are not served")
+            raise UsageError(f"at most {MOST_VEHICLES} vehicles can be served")
         store = await self._store.disk.run(self._store.of_vehicle, system_id)
         if system_id in self._others:  # asked for twice meanwhile
             return self._others[system_id]
@@ -106,7 +105,7 @@ class Fleet:
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Serve a further vehicle no more; its flight here ends, the drone continues."""
+        """Stop serving a further vehicle; its flight here ends, the drone continues."""
         if system_id not in self._others:
             raise UsageError(f"there is no further vehicle {system_id}")
         self.first.vehicle.identity.excluded.discard(system_id)
@@ -119,11 +118,11 @@ class Fleet:
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
-        """All vehicles, for a page that shows one of them."""
+        """All vehicles, as a page shows them."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _take_course(self, session: GroundSession, course: Course) -> None:
-        """Keep where a drone goes; report what is new to the others soon, all at once."""
+        """Store where a drone goes; send changes to the others soon, batched."""
         number = session.vehicle.identity.system_id
         if number is None or not self._ways.take(number, course, monotonic_s()):
             return
@@ -137,7 +136,7 @@ class Fleet:
             self._tell_ways()
 
     def _tell_ways(self) -> None:
-        """Report to each drone that flies by commands the others; nothing to one alone."""
+        """Report the others' courses to each drone that flies by commands."""
         self._tell_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
         flying = [

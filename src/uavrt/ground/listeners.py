@@ -6,27 +6,27 @@ from typing import Any
 import msgspec
 
 QUEUE = 4000
-"""Records kept for a slow browser: 80 s at 50 records a second. Then it must reload."""
+"""Most records queued for a slow browser: 80 s at 50 a second. Beyond that it must reload."""
 
 
 class Hub:
-    """Hands each record, encoded once, to every listener."""
+    """Sends each record, encoded once, to every listener."""
 
     def __init__(self) -> None:
         self._listeners: set[asyncio.Queue[str | None]] = set()
 
     def listen(self) -> asyncio.Queue[str | None]:
-        """Get a queue of JSON texts; None in it means: too slow, or the server ends."""
+        """Get a queue of JSON texts; None in it means: too slow, or the server stops."""
         queue: asyncio.Queue[str | None] = asyncio.Queue(QUEUE)
         self._listeners.add(queue)
         return queue
 
     def leave(self, queue: asyncio.Queue[str | None]) -> None:
-        """Listen no more."""
+        """Remove a listener's queue."""
         self._listeners.discard(queue)
 
     def send(self, topic: str, record: Any) -> None:
-        """Send a record to all; numbers that are not finite become null."""
+        """Send a record to all; non-finite numbers become null."""
         if not self._listeners:
             return
         text = encode({"topic": topic, "record": record}).decode()
@@ -37,7 +37,7 @@ class Hub:
                 self._end(queue)
 
     def close(self) -> None:
-        """Let all listeners go."""
+        """Close all listeners' queues."""
         for queue in list(self._listeners):
             self._end(queue)
 

@@ -1,4 +1,4 @@
-"""Handles what is received from one vehicle: frames of its autopilot, events of its drone."""
+"""Handle frames of one vehicle's autopilot and events of its drone."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -27,9 +27,9 @@ POSE_SEND_NS = 190_000_000
 
 
 class Reception:
-    """Passes each event to the part of the station that it concerns.
+    """Passes each event to the parts of the station that use it.
 
-    `on_course`: takes where the drone goes.
+    `on_course`: receives the drone's course.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Reception:
         self._last_pose_ns = 0
 
     def take_frame(self, frame: Frame) -> None:
-        """Handle a frame of the link, the drone's or the autopilot's."""
+        """Handle a frame of the link, from the drone or the autopilot."""
         vehicle, watch = self._vehicle, self._vehicle.connection.watch
         if watch is None:
             return

@@ -1,7 +1,7 @@
-"""The ground station behind the page: one vehicle's link, state, commands, estimates, storage.
+"""One vehicle's session behind the page: link, state, commands, estimates, storage.
 
-Nothing is kept only in a browser: whatever is received is stored first, then shown to every
-listener. `uavrt.ground.web.server` puts it on HTTP and WebSocket.
+Browsers hold no data of their own: whatever is received is stored first, then sent to every
+listener. `uavrt.ground.web.server` serves it by HTTP and WebSocket.
 """
 
 import asyncio
@@ -38,16 +38,16 @@ STATE_S = 1.0
 
 
 class GroundSession:
-    """One ground station; `run` serves it until cancelled.
+    """The session of one vehicle; `run` serves it until cancelled.
 
-    `on_event`: called with each event received from the drone, before it is shown; with a
-    pulse, or the content of a burst, after the write that is to store it.
-    `links`: links that are shared with the sessions of other vehicles; the first opens them.
-    `companions`: get this session; give those of the other vehicles.
-    `my_place`: of the first; without it there is one of its own.
-    `estimating`: held while estimates are worked out, by one session at a time.
-    `on_course`: takes this session and the course that its drone reports.
-    `also`: called in the disk thread with each pulse that is stored.
+    `on_event`: called with each event from the drone before it is shown; for a pulse or a
+    burst's content, after its write.
+    `links`: shared with the sessions of other vehicles; the first session opens them.
+    `companions`: gets this session; returns those of the other vehicles.
+    `my_place`: the first session's GPS receiver; without it the session has its own.
+    `estimating`: lock held while estimates are computed, by one session at a time.
+    `on_course`: gets this session and the course that its drone reports.
+    `also`: called in the disk thread with each stored pulse.
     """
 
     vehicle: ServedVehicle
@@ -107,7 +107,7 @@ class GroundSession:
         )
 
     async def run(self) -> None:
-        """Serve until cancelled; connect to the address that is set."""
+        """Serve until cancelled; connect to the configured address."""
         vehicle = self.vehicle
         vehicle.store.disk.start()
         if await vehicle.resume(self.library):
@@ -163,7 +163,7 @@ class GroundSession:
         self.vehicle.feed.send_state()
 
     def snapshot(self) -> dict[str, Any]:
-        """Everything that a page needs besides the flight's pulses."""
+        """State for a page, except for the flight's pulses."""
         return snapshot(self.vehicle) | {
             "me": my_place_record(self.my_place),
             "commander": self.commander.present,
@@ -171,7 +171,7 @@ class GroundSession:
         }
 
     def hello(self) -> dict[str, Any]:
-        """First record of a listener: the whole present state."""
+        """First record for a new listener: the complete state."""
         store = self.vehicle.store
         return {
             "state": self.snapshot(),

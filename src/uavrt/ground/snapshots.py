@@ -1,4 +1,4 @@
-"""The ground station's state, ready for JSON."""
+"""The ground station's state as JSON values."""
 
 from dataclasses import asdict
 from typing import Any
@@ -14,7 +14,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 
 def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
-    """Everything that a page needs besides the flight's pulses."""
+    """State of a vehicle for its page, except for the flight's pulses."""
     now_ns = vehicle.clock.now_ns()
     watch = vehicle.connection.watch
     drone, keeper = vehicle.drone, vehicle.flight.keeper
@@ -74,7 +74,7 @@ def snapshot(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
-    """What beeps, in words, and which listed tags it can correct."""
+    """A measured sender for the page: a description, and the tags that it can correct."""
     found = (
         correction_of(tag, beep, 0, vehicle.drone.beeps)
         for tag in vehicle.store.tags
@@ -86,14 +86,14 @@ def beep_record(vehicle: ServedVehicle, beep: Beep) -> dict[str, Any]:
 
 
 def all_vehicles(vehicle: ServedVehicle) -> list[ServedVehicle]:
-    """All vehicles, the first first; none where there is but one."""
+    """All vehicles, the main one first; empty if there is only one."""
     if not vehicle.companions:
         return []
     return sorted([vehicle, *vehicle.companions], key=lambda one: one.store.system_id or 0)
 
 
 def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
-    """One vehicle of several, for the pages of all."""
+    """One of several vehicles, as all pages show it."""
     now_ns = vehicle.clock.now_ns()
     watch, number = vehicle.connection.watch, vehicle.store.system_id
     pose = watch.pose if watch else None
@@ -110,7 +110,7 @@ def vehicle_record(vehicle: ServedVehicle) -> dict[str, Any]:
 
 
 def my_place_record(mine: MyPlace) -> dict[str, Any] | None:
-    """Where this computer is by its GPS receiver; None where it has none."""
+    """Position of this computer by its GPS receiver; None without a receiver."""
     if not mine.address:
         return None
     place = mine.place
@@ -137,7 +137,7 @@ def link_state(vehicle: ServedVehicle, now_ns: int) -> dict[str, Any]:
 
 
 def pose_record(pose: Pose, now_ns: int) -> dict[str, Any]:
-    """The vehicle's pose as JSON takes it."""
+    """The vehicle's pose as JSON values."""
     yaw_deg, pitch_deg, roll_deg = euler_deg(pose.quaternion_wxyz)
     return {
         "time_ns": pose.time_ns,

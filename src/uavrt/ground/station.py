@@ -1,7 +1,7 @@
-"""A ground station: the sessions of its vehicles, and what is to be done by itself.
+"""A ground station: the sessions of its vehicles, and its automatic actions.
 
-Without a page it is for scripts and a first bench test: it uploads tags, starts, stops, and
-writes each pulse as a line. `uavrt.ground.web.page` puts the same station on HTTP.
+Without a page it serves scripts and a first bench test: it uploads tags, starts, stops, and
+writes each pulse as a line. `uavrt.ground.web.page` adds the page.
 """
 
 import asyncio
@@ -33,37 +33,37 @@ from uavrt.tunnel.wire import command_name
 
 START_RETRY_S = 2.0
 QUIET_S = 1.0
-"""After the drone has stopped: as long without a pulse means that all have arrived."""
+"""Time without a pulse after the drone has stopped that means all have arrived [s]."""
 STOP_TIMEOUT_S = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationSettings:
-    """What ``uavrt ground`` was asked for."""
+    """Options of ``uavrt ground``."""
 
     directory: Path
     address: str | None = None
-    """One or several, the one to prefer first, with spaces between; None: the one of the last
-    time."""
+    """One or several addresses separated by spaces, the preferred one first; None: the last
+    used."""
     my_place: str | None = None
-    """Of a GPS receiver; None: that of the last time."""
+    """Address of a GPS receiver; None: the last used."""
     dem: str | None = None
-    """Elevation files; None: those of the last time."""
+    """Elevation files; None: the last used."""
     archive: str | None = None
-    """What `uavrt batch` wrote; None: that of the last time."""
+    """Directory written by `uavrt batch`; None: the last used."""
     tags: tuple[Tag, ...] | None = None
-    """None: those of the last time."""
+    """Tag file; None: the last used."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
-    """System numbers of vehicles to serve besides the first, as those of the last time are."""
+    """System numbers of vehicles to serve in addition to the first and to those of the last
+    run."""
     keys: LinkKeys = NO_KEYS
 
 
 class Station:
     """The ground station without a page; `PageStation` adds one.
 
-    `show`: called with a dictionary for each event: ``event`` names it, the rest are its
-    values.
+    `show`: called with a dictionary for each event; ``event`` is its name.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Station:
         self._state: SystemState | None = None
         self._made = not settings.directory.exists()
         self.pulses = 0
-        """Different pulses received."""
+        """Number of different pulses received."""
         store = GroundStore(settings.directory)
         for name in ("address", "my_place", "dem", "archive"):
             if (value := getattr(settings, name)) is not None:
@@ -88,7 +88,7 @@ class Station:
         self.session = self.fleet.first
 
     def stop(self) -> None:
-        """Stop detection if it was started by itself, take the last pulses in, end."""
+        """Stop detection if this station started it, receive the last pulses, end."""
         self._stopping.set()
 
     async def run(self) -> None:
@@ -106,7 +106,7 @@ class Station:
             self._lines.close()
 
     async def _serve(self, work: Any, *others: "asyncio.Task[None]") -> None:
-        """Serve the vehicles until the work, or one of the other tasks, has ended."""
+        """Serve the vehicles until `work` or one of the other tasks has ended."""
         vehicles = asyncio.create_task(self.fleet.run())
         for number in self._settings.further_vehicles:
             await self.fleet.serve(number)
@@ -136,7 +136,7 @@ class Station:
         await asyncio.gather(*(self._end(one) for one in self._started))
 
     async def _link_opened(self) -> None:
-        """Wait for the link that was asked for by name; without it the station is no use."""
+        """Wait for the requested link; without it the station ends."""
         connection = self.session.vehicle.connection
         while connection.link is None:
             if connection.error is not None:
@@ -144,7 +144,7 @@ class Station:
             await asyncio.sleep(0.02)
 
     async def _begin(self, session: GroundSession) -> None:
-        """Send a vehicle the tags and start it; one that does not answer is tried again."""
+        """Send a vehicle the tags and start detection; retry if it does not answer."""
         said = ""
         while not self._stopping.is_set():
             try:
@@ -166,10 +166,10 @@ class Station:
             await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
-        """Send the tags; False when the drone detects already and there is nothing to start.
+        """Send the tags; False if the drone detects already and nothing is to be started.
 
-        A station that was restarted finds its own tags searched: it goes on as the one that
-        started them. Others' it listens to, and leaves alone.
+        A restarted station that finds its own tags in use continues as if it had started them.
+        Another station's detection is left unchanged and only received.
         """
         tags = session.vehicle.store.chosen_tags
         try:
@@ -191,7 +191,7 @@ class Station:
         return True
 
     async def _end(self, session: GroundSession) -> None:
-        """Stop detection; wait until the drone has stopped and no pulse comes any more."""
+        """Stop detection; wait until the drone has stopped and pulses cease."""
         try:
             if (link := session.vehicle.connection.link) is not None:
                 await link.stop_detection()
@@ -210,12 +210,12 @@ class Station:
         self._show({"event": "stopped", "pulses": session.vehicle.flight.keeper.pulses})
 
     def _list(self, item: PulsePose | BurstInside) -> None:
-        """Write a line of what a flight has; in the disk thread."""
+        """Write a stored item as a line; runs in the disk thread."""
         if self._lines is not None:
             self._lines.write(item)
 
     def _take(self, event: GroundEvent | StationNote) -> None:
-        """Show what was received."""
+        """Print a received event."""
         match event:
             case PulsePose():
                 self.pulses += 1
@@ -246,7 +246,7 @@ class Station:
 
 
 def refuse_two_vehicles(vehicle: ServedVehicle) -> None:
-    """Raise `LinkError` while two vehicles answer under one number: orders would reach both."""
+    """Raise `LinkError` while two vehicles use one number: commands would reach both."""
     if vehicle.identity.foreign(vehicle.clock.now_ns()):
         raise LinkError(
             f"two vehicles answer under number {vehicle.identity.system_id}",

@@ -1,7 +1,6 @@
-"""Outlines of areas in the texts of other programs: GeoJSON, KML, QGroundControl's plans. Pure.
+"""Read outlines of areas from GeoJSON, KML and QGroundControl's plans. Pure.
 
-QGroundControl's file: its format of plans, version 1 (a survey's ``polygon``, a fence's
-polygons and circles).
+QGroundControl's plan format, version 1: a survey's ``polygon``, a fence's polygons and circles.
 """
 
 from collections.abc import Iterator
@@ -19,16 +18,16 @@ from uavrt.messages import KeepOut
 from uavrt.tangent_plane import TangentPlane
 
 CIRCLE_CORNERS = 20
-"""Most places of an order."""
+"""Corners of a polygon that stands for a circle, which is the most that an order carries."""
 MOST_KEEP_OUT = 100
 MOST_OUTLINES = 1000
 MOST_CORNERS = 1000
-"""Of an outline: lines over it take time by the square of them."""
+"""Most corners of an outline; the time to plan lines over it grows with their square."""
 MOST_NAME = 24
 _NOT_OUTLINES = frozenset(
     ("Point", "LineString", "LinearRing", "Track", "MultiTrack", "Model", "NetworkLink")
 )
-"""Of KML: shapes besides polygons, and links to other files."""
+"""KML elements other than polygons, and links to other files."""
 _REMEDY = (
     "Draw one outline without holes, in QGIS or on geojson.io (GeoJSON), in Google Earth "
     "(KML), or as a survey in QGroundControl (.plan)"
@@ -40,9 +39,9 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the one outline in the text of a file, besides those to keep out of.
+    """Read the single outline in the text of a file; ignores excluded areas.
 
-    Raises `FormatError`: it is none of the three, or holds no outline or several.
+    Raises `FormatError`: it is none of the three formats, or holds no outline or several.
     """
     with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
@@ -54,15 +53,13 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
 
 
 def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, ...]:
-    """Read the places over which nothing is to fly.
+    """Read the areas over which nothing may fly.
 
     In GeoJSON features with ``"keep_out": true`` (a Point with its ``radius_m``), in KML
-    polygons whose name begins with "keep out", in a plan the fences to stay outside of.
-    None is left out: what is marked so and is neither is refused by its name.
-
-    `every`: the file is of nothing else: every outline of GeoJSON or KML counts, and every
-    Point of GeoJSON.
-    Raises `FormatError`: it is none of the three, or one of them is no place.
+    polygons whose name begins with "keep out", in a plan the exclusion fences. A marked feature
+    that is neither is refused by name, so that none is left out. `every`: the file has only
+    excluded areas: every outline of GeoJSON or KML counts, and every Point of GeoJSON. Raises
+    `FormatError`: it is none of the three formats, or one area is invalid.
     """
     with in_words(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
         found = tuple(
@@ -82,7 +79,7 @@ class _Outline:
     corners: list[tuple[float, float]]
     keep_out: bool = False
     mixed: bool = True
-    """Whether the format leaves open what it is for."""
+    """True if the format does not say what the outline is for."""
     radius_m: float | None = None
     name: str = ""
     holes: bool = False
@@ -90,7 +87,7 @@ class _Outline:
 
 @contextmanager
 def in_words(what: str, remedy: str) -> Iterator[None]:
-    """Turn whatever a strange text causes into a `FormatError` that says what is wrong."""
+    """Convert any error caused by a file's text to a `FormatError` that describes it."""
     try:
         yield
     except (
@@ -136,28 +133,31 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
 
 
 def check_places(places: tuple[Place, ...]) -> None:
-    """Raise `ValueError` for what is no latitude and longitude."""
+    """Raise `ValueError` for an invalid latitude or longitude."""
     for north, east in places:
         if not (abs(north) <= 90 and abs(east) <= 180):
             raise ValueError(f"{north:g}, {east:g} is no place on earth")
 
 
 def _kept(one: _Outline) -> KeepOut:
-    """A place to keep out of; holes in it count as part of it."""
+    """Make an excluded area; holes in it count as part of it."""
     radius, name = one.radius_m, one.name[:MOST_NAME].encode("utf-8", "replace").decode()
     if radius is None:
         if len(one.corners) == 1:
             raise ValueError(f'the point "{name}" to keep out of needs a radius_m')
         return KeepOut(places=_checked(one.corners), name=name)
     if isinstance(radius, bool) or not 0.0 < float(radius) < 1e5:
-        raise ValueError(f"a radius of {radius} m")
+        raise ValueError(f"the radius of {radius} m is not positive")
     return KeepOut(places=_checked(one.corners, 1), radius_m=float(radius), name=name)
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Corners of a circle; raises `FormatError` for a radius that is not above 0."""
+    """Corners of a circle; raises `FormatError` for a radius that is not positive."""
     if not 0.0 < radius_m < 1e5:
-        raise FormatError(f"a circle of {radius_m:g} m", remedy="Give a radius above 0")
+        raise FormatError(
+            f"the circle's radius of {radius_m:g} m is not positive",
+            remedy="Give a radius above 0",
+        )
     plane = TangentPlane(latitude_deg=center[0], longitude_deg=center[1])
     angles = [2.0 * pi * number / CIRCLE_CORNERS for number in range(CIRCLE_CORNERS)]
     places = [plane.to_geodetic(radius_m * sin(a), radius_m * cos(a)) for a in angles]
@@ -173,7 +173,7 @@ def _of_json(text: str, every: bool) -> Iterator[_Outline]:
 
 
 def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
-    """Polygons of GeoJSON, and points to keep out of."""
+    """Polygons of GeoJSON, and points to exclude."""
     keep_out = bool(properties.get("keep_out", False))
     name = str(properties.get("name") or "")
     match found["type"]:
@@ -203,12 +203,12 @@ def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
 
 
 def _not_understood(name: str, kind: object) -> ValueError:
-    """Of a place that must not be left out in silence."""
+    """Make the error for an excluded area that cannot be read."""
     return ValueError(f'"{name[:MOST_NAME]}" is a {kind} without an outline')
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """What is surveyed, else the fence that is kept within; and fences to keep out of."""
+    """Areas of a plan: the survey's, else the inclusion fence; and exclusion fences."""
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
         for item in found.get("mission", {}).get("items", [])
@@ -254,7 +254,7 @@ def _of_kml(text: str, every: bool) -> Iterator[_Outline]:
 
 
 def _check_kml(root: ET.Element, names: dict[ET.Element, str], every: bool) -> None:
-    """Refuse what is to be kept out of and is no polygon."""
+    """Raise an error for an excluded feature that is not a polygon."""
     polygons = [one for one in root.iter() if _named(one, "Polygon")]
     within = {inner for polygon in polygons for inner in polygon.iter()}
     for one in root.iter():

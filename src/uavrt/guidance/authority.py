@@ -1,36 +1,31 @@
 """Decide whether we command the vehicle: only until anyone or anything objects. Pure.
 
 Three states. *Out*: nothing is sent. *Confirmed*: the operator has confirmed an order; it must
-begin within 10 s. *In command*: the first command was sent. Whatever is seen that is not of our
-making ends it at once and for good: nothing is repeated, nothing waits, and only a confirmation
-of a new order, with a nonce that was never used, begins again. What the autopilot answers to a
-command counts for nothing: PX4 refuses commands that it flies, and accepts some that it does
-not. A command is obeyed when its target is seen to be the vehicle's.
+begin within 10 s. *In command*: the first command was sent. Any observed change that we did not
+cause ends the order permanently: nothing is repeated or queued, and only the confirmation of a
+new order, with an unused nonce, begins again.
 
-It stands where commands leave the drone side, and receives the autopilot's reports first: what
-was on its way from a planner when a pilot took over is refused here.
+Acknowledgements of commands are ignored: PX4 refuses commands that it flies, and accepts some
+that it does not. A command counts as obeyed when the vehicle reports its target. This class is
+the last stage on the drone before the autopilot, and receives the autopilot's reports first: it
+refuses a planner's command that was in transit when a pilot took over.
 """
 
 from collections import Counter
 from enum import StrEnum
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.commanded import TARGET_YAW_DEG, YAW_DEG
 from uavrt.guidance.observed import HomeSeen, ModeSeen, Observation, PositionSeen
-from uavrt.guidance.observed_vehicle import (
-    STICKS_AGE_S,
-    STICKS_LOST_S,
-    ObservedVehicle,
-    ended_by,
-)
+from uavrt.guidance.observed_vehicle import ObservedVehicle, ended_by
 from uavrt.guidance.offers import Offer, Offers, resting
 from uavrt.guidance.order_watch import OrderWatch
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.wishes import CommandWriter, VehicleCommand
 from uavrt.messages import TakeOff, VehicleSeen, Wish
 
 
 class Standing(StrEnum):
-    """See the module's text."""
+    """The three states of the module's text."""
 
     OUT = "out"
     CONFIRMED = "confirmed"
@@ -38,10 +33,10 @@ class Standing(StrEnum):
 
 
 class Authority:
-    """The last word on commands to one vehicle.
+    """Checks commands to one vehicle last; nothing is sent without it.
 
     It confirms a take-off only with `may_take_off`, and ignores `unwatched_channels` of the
-    remote control, which no hand moves.
+    remote control, which carry no switch or stick.
     """
 
     def __init__(
@@ -54,10 +49,10 @@ class Authority:
         self._writer, self.manners = writer, writer.manners
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
-        """Why it is out."""
+        """Why it is out of command."""
         self.out_s = 0.0
         self.nearest_m: float | None = None
-        """Least distance to its target that the leg before reached; None: it was no leg."""
+        """Least distance to the target reached on the previous leg [m]; None: not a leg."""
         self.counters: Counter[str] = Counter()
         self.vehicle = ObservedVehicle(self.manners)
         self._offers = Offers()
@@ -65,7 +60,7 @@ class Authority:
 
     @property
     def standing(self) -> Standing:
-        """Which of the three states it is in."""
+        """Which of the three states is active."""
         if self._order is None:
             return Standing.OUT
         begun = self._order.motion is not None
@@ -73,11 +68,11 @@ class Authority:
 
     @property
     def order_id(self) -> int | None:
-        """Order that is confirmed or in command."""
+        """The confirmed or commanded order."""
         return None if self._order is None else self._order.offer.order_id
 
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
-        """Handle an order that the operator is asked to confirm; the one before is forgotten.
+        """Handle an order that the operator is asked to confirm, instead of the one before.
 
         Raises `CommandRefused`: the vehicle cannot be flown now, or the nonce was used.
         """
@@ -96,8 +91,10 @@ class Authority:
             place=place,
             home=home,
             hands=vehicle.hands(now_s, self._unwatched),
-            yaw=resting(heading, now_s, vehicle.turning_deg_s, YAW_DEG),
-            target_yaw=resting(target, now_s, vehicle.target_turning_deg_s, TARGET_YAW_DEG),
+            yaw=resting(heading, now_s, vehicle.turning_deg_s, SAFETY.heading_error_deg),
+            target_yaw=resting(
+                target, now_s, vehicle.target_turning_deg_s, SAFETY.target_heading_error_deg
+            ),
         )
         self._offers.add(offer)
 
@@ -106,18 +103,17 @@ class Authority:
     ) -> None:
         """Accept the operator's confirmation of the offered order.
 
-        With `sticks_unseen` the operator knows that no hand on the sticks would be seen.
-
-        Raises `CommandRefused`: it is not what was offered, too late, or the vehicle changed.
+        With `sticks_unseen` the operator accepts that a pilot's sticks are not monitored.
+        Raises `CommandRefused`: it is another order, too late, or the vehicle changed.
         """
         offer = self._offers.take(order_id, nonce, now_s)
         vehicle, before = self.vehicle, self._order
         _, place, home = self._check_vehicle(now_s, takeoff=offer.takeoff)
         offer.check(vehicle)
-        if not sticks_unseen and not vehicle.sees_sticks(now_s, STICKS_AGE_S):
+        if not sticks_unseen and not vehicle.sees_sticks(now_s, SAFETY.sticks_age_s):
             what = "the sticks are not seen, so a takeover by them would go unnoticed"
-            if vehicle.sees_sticks(now_s, STICKS_LOST_S):
-                what = f"the sticks are reported too seldom: not every {STICKS_AGE_S} s"
+            if vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s):
+                what = f"the sticks are reported too seldom: not every {SAFETY.sticks_age_s} s"
             raise CommandRefused(
                 what, remedy="Switch the remote on, or confirm that sticks are not seen"
             )
@@ -139,37 +135,36 @@ class Authority:
     def _check_vehicle(
         self, now_s: float, *, takeoff: bool
     ) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
-        """Get how the vehicle is; raises `CommandRefused` unless it can be flown by us."""
+        """Get the vehicle's state; raises `CommandRefused` unless we can fly it."""
         fault = self.fault(now_s, takeoff=takeoff)
         if fault is not None:
             raise CommandRefused(*fault[:1], remedy=fault[1])
         return self.vehicle.known
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Why no order, or no take-off, can be confirmed now, and the remedy; else None."""
+        """Why an order or a take-off cannot be confirmed now, with the remedy; else None."""
         if takeoff and not self._may_take_off:
             remedy = "Take off by hand, or set guidance.may_take_off = true on the drone"
             return "this drone does not take off by order", remedy
         return self.vehicle.fault(now_s, takeoff=takeoff)
 
     def stop(self, now_s: float, reason: str = "stopped by the operator") -> None:
-        """End it from our side."""
+        """End the order from our side."""
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:
-        """Note a sign of life of the process that sends the wishes."""
+        """Record a heartbeat of the planning process."""
         if self._order is not None:
             self._order.planner_alive(now_s)
 
     def command(
         self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
     ) -> VehicleCommand:
-        """Turn a wish into the command to be sent now, once.
+        """Turn a requested motion into the command to be sent now, once.
 
-        One that `stops` the drone, in the mode it is in, may be the first command of an order
-        while the one before is still flown, and never changes the mode.
-
-        Raises `CommandRefused`: nothing may be sent; the wish is gone.
+        One that `stops` the drone in its present mode may be the first command of an order
+        while the previous one is still flown; it never changes the mode. Raises
+        `CommandRefused`: nothing may be sent; the request is dropped.
         """
         self.tick(now_s)
         order = self._order
@@ -187,19 +182,19 @@ class Authority:
 
     @property
     def taking_off(self) -> bool:
-        """Whether an order to take off is in command: nothing makes the drone stand in it."""
+        """True while a take-off order is in command; nothing stops the drone during it."""
         order = self._order
         return order is not None and order.offer.takeoff and order.motion is not None
 
     @property
     def climbs(self) -> bool:
-        """Whether the take-off itself was commanded: it goes on to its height."""
+        """True once the take-off itself was commanded: it continues to its height."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
-        """Whether the vehicle flies what we commanded: this order's, or the last one's yet."""
+        """True while the vehicle flies our command, of this order or still of the last one."""
         return self._order is not None and self._order.leg is not None
 
     def vehicle_seen(
@@ -210,7 +205,7 @@ class Authority:
         wishes_refused: int = 0,
         ground_silent_s: float = 0.0,
     ) -> VehicleSeen | None:
-        """What a pilot needs to know; None without a position or a home."""
+        """Vehicle state for the pilot; None without a position or a home."""
         position, home, order = self.vehicle.position, self.vehicle.home, self._order
         if position is None or home is None:
             return None
@@ -237,12 +232,12 @@ class Authority:
 
     @property
     def obeyed(self) -> bool:
-        """Whether the last command is seen to be obeyed."""
+        """True if the vehicle reports the target of the last command."""
         motion = None if self._order is None else self._order.motion
         return motion is not None and motion.obeyed
 
     def see(self, seen: Observation) -> None:
-        """Handle what the vehicle reports; anything that we did not cause ends the order."""
+        """Handle a report of the vehicle; any change that we did not cause ends the order."""
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
@@ -255,12 +250,12 @@ class Authority:
             self._end(self._order.see(seen, self.vehicle), seen.time_s)
 
     def tick(self, now_s: float) -> None:
-        """End what has become too old."""
+        """End whatever has timed out."""
         if self._order is not None:
             self._end(self._order.overdue(self.vehicle, now_s), now_s)
 
     def _end(self, reason: str | None, time_s: float) -> None:
-        """Be out for this reason, if there is one, with nothing on offer; the first counts."""
+        """Leave command with this reason and withdraw any offer; the first reason is kept."""
         if reason is None:
             return
         self._offers.clear()

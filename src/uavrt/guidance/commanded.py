@@ -1,63 +1,37 @@
-"""Watch what was commanded last: the drone must do that and nothing else. Pure."""
+"""Monitor the last command: the drone must fly that and nothing else. Pure."""
 
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, radians, sin
 
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.observed import PositionSeen, TargetSeen, between_m, same_place
-from uavrt.guidance.progress import (
-    ARRIVED_M,
-    AT_HEIGHT_M,
-    HIGHER_M,
-    LOOKS_DEG,
-    NEARER_M,
-    TURNED_DEG,
-    Left,
-    Progress,
-)
+from uavrt.guidance.progress import Left, Progress
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.stopping import stops_within_m
-from uavrt.guidance.yaw import COURSE_M_S, FAST_M_S, FROZEN_M, YawWatch
+from uavrt.guidance.yaw import YawWatch
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
 
-OBEYED_WITHIN_S, TAKES_OFF_WITHIN_S = 3.0, 10.0
-CHANGES_WITHIN_S = 0.5
-"""The autopilots show a new target after 0.05 to 0.09 s; until then the one before is right."""
-STALL_S = 1.0
-"""Longest pause of our own process that ends no order: reports are read later by it at most."""
-ASTRAY_M = 6.0
-"""Farther from the target than before, besides what it takes to brake."""
-HEIGHT_OFF_M = 5.0
-YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
-"""Tolerance of the drone's own heading, and of the one that it reports as its target."""
-BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
-"""Weakest braking of a flight and of a turn."""
-SLOW_M_S = 1.5
-"""A drone that is not near its target is not slower, but at the start of a step."""
-LOOKS_ABOUT_DEG = 15.0
-"""So near to its bearing, a heading that changes shows gusts, and no turn before the flight."""
-RISEN_M, AT_TOP_M = 1.0, 3.0
-"""Of a take-off: obeyed; as good as there."""
 OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes the height"
 
 
 @dataclass(slots=True, kw_only=True)
 class Commanded:
-    """The last command, and how the drone follows it; its methods say what is not ours."""
+    """The last command, and how the drone follows it; its methods return deviations."""
 
     wish: Wish
     manners: Manners
     sent_s: float
     first: bool
-    """It is the first command of its order, which may change the mode."""
+    """True for the first command of its order, which may change the mode."""
     before: TargetSeen | None
-    """Target of the time before the command."""
+    """Target before the command."""
     start: PositionSeen
-    """Where the drone was."""
+    """Position of the drone when it was sent."""
     turning_deg_s: InitVar[float]
-    """How fast the drone's heading changed."""
+    """Rate at which the drone's heading changed then."""
     previous: InitVar["Commanded | None"]
-    """The command before, of the same order."""
+    """Previous command of the same order."""
     left_m: float = field(init=False)
     """Least distance to the target so far."""
     slack_m: float = field(init=False)
@@ -67,19 +41,20 @@ class Commanded:
     target_yaw: YawWatch | None = field(init=False, default=None)
     progress: Progress = field(init=False, default_factory=Progress)
     top_m: float = field(init=False)
-    """Greatest altitude so far, of a take-off."""
+    """Highest altitude so far during a take-off."""
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
-    """It was at its target once."""
+    """True once it was at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """It is near its target and may stop on its way: no message would show a pause."""
+    """True while it is near its target and may stop legitimately; a pause would be
+    invisible."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
         turns = wish if isinstance(wish, TurnInPlace) else None
         self.top_m = start.altitude_amsl_m
         self.left_m = between_m(start, wish) if isinstance(wish, FlyThere) else 0.0
-        self.slack_m = ASTRAY_M + stops_within_m(start.speed_m_s)
+        self.slack_m = SAFETY.astray_m + stops_within_m(start.speed_m_s)
         heights = [start.altitude_amsl_m]
         if isinstance(wish, FlyThere | TakeOff):
             heights.append(wish.altitude_amsl_m)
@@ -91,7 +66,7 @@ class Commanded:
             self.yaw = YawWatch(
                 start_s=self.sent_s,
                 yaw_deg=start.yaw_deg,
-                tolerance_deg=YAW_DEG,
+                tolerance_deg=SAFETY.heading_error_deg,
                 wanted_deg=self._wanted_yaw_deg,
                 turn_deg=None if turns is None else turns.turn_deg,
                 rate_deg_s=0.0 if turns is None else turns.rate_deg_s,
@@ -100,26 +75,26 @@ class Commanded:
 
     @property
     def _wanted_yaw_deg(self) -> float | None:
-        """Heading that the command asks for, by an autopilot that takes one."""
+        """Heading of the command, for an autopilot that takes one."""
         if isinstance(self.wish, FlyThere) and self.manners.yaw_in_reposition:
             return self.wish.yaw_deg
         return None
 
     @property
     def takes_off(self) -> bool:
-        """Whether it is of a take-off, during which the autopilot may report no target."""
+        """True for a take-off, during which the autopilot may report no target."""
         return isinstance(self.wish, TakeMode | TakeOff)
 
     @property
     def turned_deg(self) -> float:
-        """How far the turn in place is."""
+        """Progress of the turn in place."""
         return 0.0 if self.yaw is None else self.yaw.turned_deg
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
-        """Say what should have been seen by now."""
-        longest_s = OBEYED_WITHIN_S
+        """Return what should have been reported by now and is missing."""
+        longest_s = SAFETY.obeyed_within_s
         if isinstance(self.wish, TakeOff):
-            longest_s = TAKES_OFF_WITHIN_S
+            longest_s = SAFETY.takeoff_begins_within_s
         if not self.obeyed:
             late = now_s - self.sent_s > longest_s
             return "the command was not seen to be obeyed" if late else None
@@ -129,13 +104,13 @@ class Commanded:
         return "the target is no longer reported" if lost else None
 
     def in_own_mode(self) -> None:
-        """Note that the vehicle is in our mode, which is all that `TakeMode` asks for."""
+        """Record that the vehicle is in our mode, which is all that `TakeMode` requests."""
         self.obeyed |= isinstance(self.wish, TakeMode)
 
     def see_target(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Take the target that the autopilot reports, and how fast its heading changes."""
+        """Check the reported target, given the rate of change of the heading."""
         match self.wish:
             case GoHome():
                 return None  # the mode shows it
@@ -157,7 +132,7 @@ class Commanded:
     def see_target_yaw(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
     ) -> str | None:
-        """Take the heading that the autopilot reports with its target."""
+        """Check the heading that the autopilot reports with its target."""
         if seen.yaw_deg is None or not self.manners.yaw_in_reposition:
             return None
         if not isinstance(self.wish, FlyThere):
@@ -166,7 +141,7 @@ class Commanded:
             self.target_yaw = YawWatch(
                 start_s=self.sent_s,
                 yaw_deg=seen.yaw_deg,
-                tolerance_deg=TARGET_YAW_DEG,
+                tolerance_deg=SAFETY.target_heading_error_deg,
                 wanted_deg=self._wanted_yaw_deg,
                 turning_deg_s=turning_deg_s,
                 exact=True,
@@ -175,42 +150,45 @@ class Commanded:
         return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
-        """None, or above where it stood and at the height asked for, where it reports one."""
+        """Check the target during a take-off: none, or above the start at its height."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
         waits = isinstance(self.wish, TakeMode) or self._waits(seen)
-        before = waits and abs(height - self.start.altitude_amsl_m) < HEIGHT_OFF_M
+        before = waits and abs(height - self.start.altitude_amsl_m) < SAFETY.height_error_m
         wanted = isinstance(self.wish, TakeOff) and (
             abs(height - self.highest_m) <= self.manners.target_m
         )
-        here = between_m(self.start, seen) < ASTRAY_M
+        here = between_m(self.start, seen) < SAFETY.astray_m
         return None if here and (before or wanted) else OTHERS_TARGET
 
     def _same(self, one: TargetSeen, other: TargetSeen | FlyThere) -> bool:
         return same_place(one, other, self.manners.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
-        """When a report was made [s], by its own clock: after a stall it is read later."""
+        """Time of a report by its own clock [s]; after a stall it is processed later."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
-        return max(min(seen.time_s, by_its_clock_s), seen.time_s - STALL_S)
+        return max(min(seen.time_s, by_its_clock_s), seen.time_s - SAFETY.stall_s)
 
     def _waits(self, seen: TargetSeen) -> bool:
-        """Whether the autopilot may not have taken the command when it reported this."""
-        return not self.obeyed and self._made_s(seen) - self.sent_s < CHANGES_WITHIN_S
+        """True if the report may be older than the autopilot's reaction to the command."""
+        return (
+            not self.obeyed
+            and self._made_s(seen) - self.sent_s < SAFETY.target_changes_within_s
+        )
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
-        """Whether it is that of before the command, or what our change of mode makes."""
+        """True if the target may be the previous one, or caused by our change of mode."""
         if not self._waits(seen):
             return False
         if self.before is not None and self._same(seen, self.before):
             return True
         if not self.first or position is None:
             return False
-        return between_m(seen, position) < ASTRAY_M + stops_within_m(position.speed_m_s)
+        return between_m(seen, position) < SAFETY.astray_m + stops_within_m(position.speed_m_s)
 
     def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
-        """Take a position, and how fast the heading changes."""
+        """Check a position, given the rate of change of the heading."""
         wish = self.wish
         if isinstance(wish, GoHome):
             return None
@@ -219,13 +197,16 @@ class Commanded:
         place = wish if isinstance(wish, FlyThere) else self.before
         left = 0.0 if place is None else between_m(seen, place)
         self.left_m = min(self.left_m, left)
-        lowest, highest = self.lowest_m - HEIGHT_OFF_M, self.highest_m + HEIGHT_OFF_M
+        lowest, highest = (
+            self.lowest_m - SAFETY.height_error_m,
+            self.highest_m + SAFETY.height_error_m,
+        )
         if left > self.left_m + self.slack_m:
             return "the drone does not fly to our target"
         if not lowest <= seen.altitude_amsl_m <= highest:
             return OTHERS_HEIGHT
         free = isinstance(wish, FlyThere) and (
-            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SLOW_M_S
+            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SAFETY.leg_speed_m_s
         )
         fault = self._see_yaw(seen)
         self.progress.see(seen.time_s, *self._left(seen, turning_deg_s), free=free)
@@ -239,56 +220,72 @@ class Commanded:
         if not isinstance(wish, FlyThere):
             return self.yaw.fault(made_s, seen.yaw_deg)
         bearing_deg, away_m = seen.way_to(wish)
-        least_m_s = COURSE_M_S if away_m > FROZEN_M else FAST_M_S
+        least_m_s = (
+            SAFETY.course_speed_m_s
+            if away_m > SAFETY.frozen_m
+            else SAFETY.near_course_speed_m_s
+        )
         follows = self.manners.follows_course and seen.speed_m_s > least_m_s
         course_deg = seen.course_deg if follows else None
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
-        """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
+        """Check a climb: straight up without a pause; in `TakeMode` it stays on the ground."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
         self.top_m = max(self.top_m, altitude)
-        self.obeyed |= rises and altitude > self.start.altitude_amsl_m + RISEN_M
+        self.obeyed |= rises and altitude > self.start.altitude_amsl_m + SAFETY.takeoff_rise_m
         if self.obeyed and rises:
             left = abs(self.highest_m - altitude)
-            part = Left(now=left, soon=left, least=HIGHER_M, tolerance=AT_TOP_M)
+            part = Left(
+                now=left,
+                soon=left,
+                least=SAFETY.height_progress_m,
+                tolerance=SAFETY.takeoff_done_m,
+            )
             self.progress.see(seen.time_s, part)
-        off = HEIGHT_OFF_M if rises else RISEN_M
-        if between_m(seen, self.start) > ASTRAY_M:
+        off = SAFETY.height_error_m if rises else SAFETY.takeoff_rise_m
+        if between_m(seen, self.start) > SAFETY.astray_m:
             return "the drone does not climb straight up"
-        if not self.top_m - AT_TOP_M <= altitude <= self.highest_m + off:
+        if not self.top_m - SAFETY.takeoff_done_m <= altitude <= self.highest_m + off:
             return OTHERS_HEIGHT
         return self._see_yaw(seen)
 
     def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-        """What is left of a motion in the air."""
+        """Remaining parts of a motion in the air."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
             if yaw is None or yaw.turn_deg is None:
                 return ()
             left = abs(yaw.turn_deg) - yaw.turned_deg
-            least = min(TURNED_DEG, 1.5 * yaw.rate_deg_s)
-            return (Left(now=left, soon=left, least=least, tolerance=LOOKS_DEG),)
+            least = min(SAFETY.heading_progress_deg, 1.5 * yaw.rate_deg_s)
+            return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_heading_deg),)
         bearing, left = seen.way_to(wish)
         height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
-        stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
+        stops = [
+            one * seen.speed_m_s / (2.0 * SAFETY.braking_m_s2) for one in seen.velocity_m_s[:2]
+        ]
         along = radians(bearing)
         soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
         self.settled |= left <= self.manners.settles_m
-        self.not_settled_yet = not self.settled and left <= ARRIVED_M
-        near = ARRIVED_M if self.settled else self.manners.settles_m
-        place = Left(now=left, soon=soon, least=NEARER_M, tolerance=near)
-        up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
+        self.not_settled_yet = not self.settled and left <= SAFETY.arrived_m
+        near = SAFETY.arrived_m if self.settled else self.manners.settles_m
+        place = Left(now=left, soon=soon, least=SAFETY.nearer_m, tolerance=near)
+        up = Left(
+            now=height,
+            soon=height,
+            least=SAFETY.height_progress_m,
+            tolerance=SAFETY.at_height_m,
+        )
         if seen.yaw_deg is None:
             return place, up
         asked = None if yaw is None else yaw.wanted_deg
         off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
-        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
+        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
         heading = Left(
             now=abs(off),
             soon=abs(off - stops_deg),
-            least=TURNED_DEG,
-            tolerance=LOOKS_ABOUT_DEG if asked is None else LOOKS_DEG,
+            least=SAFETY.heading_progress_deg,
+            tolerance=SAFETY.gust_heading_deg if asked is None else SAFETY.at_heading_deg,
             needed=asked is not None,
         )
         return place, up, heading

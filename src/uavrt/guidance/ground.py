@@ -1,7 +1,7 @@
-"""Heights of the ground around home, from a map of heights. Pure.
+"""Heights of the ground around home, from an elevation map. Pure.
 
-What is commanded is a height above home; the map shows how much higher the ground is elsewhere.
-Both must agree on home, or one of them is not what it is taken for.
+Commands use heights above home; the map gives how much higher the ground is elsewhere. Map and
+autopilot must agree on home's height, or one of them is wrong.
 """
 
 from collections.abc import Callable
@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
+from uavrt.guidance.safety import SAFETY
 from uavrt.tangent_plane import TangentPlane
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
 """Above sea level [m] at latitudes and longitudes; NaN where nothing is known."""
-APART_M = 15.0
-"""Map and autopilot at home: farther apart, and nothing is flown by the map."""
 STEP_M = 10.0
 _MOST_STEPS = 300
 
@@ -26,22 +25,22 @@ _MOST_STEPS = 300
 class GroundAround:
     """The ground around home, on squares.
 
-    `above_home_m` gives the highest of the four corners around a place: never less than what
-    lies between them.
+    `above_home_m` gives the highest of the four corners around a position, which is never less
+    than the ground between them.
     """
 
     home_amsl_m: float
-    """By the map."""
+    """Elevation of home by the map."""
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """(north, east) above home, from south-west; NaN where nothing is known."""
+    """(north, east) heights above home, from south-west; NaN if unknown."""
 
     @classmethod
     def around(
         cls, heights_at: HeightsAt, plane: TangentPlane, reach_m: float
     ) -> "GroundAround":
-        """Read the map around home; raises `PlanError` if it lacks the height of home."""
+        """Read the map around home; raises `PlanError` if home's elevation is missing."""
         step = max(STEP_M, reach_m / _MOST_STEPS)
         count = int(np.ceil(reach_m / step)) + 1
         along = step * np.arange(-count, count + 1)
@@ -58,7 +57,7 @@ class GroundAround:
         return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)
 
     def above_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """The highest ground around places; NaN where a corner is not known."""
+        """The highest ground around positions; NaN if a corner is unknown."""
         last = len(self.heights_m) - 1
         column = np.floor((east_m + self.reach_m) / self.step_m).astype(np.intp)
         row = np.floor((north_m + self.reach_m) / self.step_m).astype(np.intp)
@@ -70,7 +69,7 @@ class GroundAround:
         return np.where(beyond, np.nan, high)
 
     def highest_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """The highest ground that is known on the straight way home from places; else 0."""
+        """The highest known ground on the straight line home from positions; else 0."""
         farthest = float(np.max(np.hypot(east_m, north_m), initial=0.0))
         shares = np.linspace(0.0, 1.0, int(farthest / self.step_m) + 2)[:, None]
         x, y = np.ravel(east_m), np.ravel(north_m)
@@ -78,6 +77,6 @@ class GroundAround:
         return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
 
     def apart_m(self, home_amsl_m: float) -> float | None:
-        """How far the autopilot's home is above the map's, where that is too much."""
+        """Height of the autopilot's home above the map's [m], if that is too much."""
         apart = home_amsl_m - self.home_amsl_m
-        return apart if abs(apart) > APART_M else None
+        return apart if abs(apart) > SAFETY.home_height_error_m else None

@@ -1,26 +1,19 @@
-"""Hands on the remote control: sticks, and every other channel of the receiver. Pure.
+"""Detect a pilot at the remote control: sticks and all other channels. Pure.
 
-A stick that moves is a pilot who flies. So is a switch, whatever it does: who flips PX4's mode
-switch to Hold while we fly in Hold changes neither the mode nor the target.
+A moved stick means that a pilot flies. So does any switch: flipping PX4's mode switch to Hold
+while we fly in Hold changes neither mode nor target.
 """
 
 from uavrt.guidance.observed import SticksSeen
-
-STICK_US = 60
-SWITCH_US = 250
-"""Two-way switches go by some 1000 µs, three-way ones by 500."""
-SURE_AFTER_S = 0.1
-FIRST_SWITCH = 5
-"""Number of the first channel after the sticks."""
+from uavrt.guidance.safety import SAFETY
 
 
 class HandWatch:
-    """Says whether a stick or a switch stands elsewhere than it stood.
+    """Detects a stick or switch that has moved.
 
-    One message may be a receiver's slip of a switch; a second one, or 0.1 s without another, is
-    none.
-
-    `unwatched`: numbers of channels that no hand moves, such as one that carries the RSSI.
+    A switch counts after two messages, or 0.1 s without a contrary one, since one message may
+    be a receiver's glitch. `unwatched`: channels without a control, such as one that carries
+    the RSSI.
     """
 
     def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
@@ -29,11 +22,11 @@ class HandWatch:
 
     @property
     def unsure(self) -> bool:
-        """Whether a switch has just been seen elsewhere, once."""
+        """True if a switch has been seen moved in one message only."""
         return bool(self._off_since_s)
 
     def see(self, seen: SticksSeen) -> str | None:
-        """Say what was moved for sure, by what is reported now."""
+        """Return what has certainly moved, given this report."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
@@ -41,14 +34,16 @@ class HandWatch:
         }
         now_us, then_us = seen.channels_us, self._then.channels_us
         sticks = zip(now_us, then_us, strict=False)
-        if len(now_us) != len(then_us) or any(abs(a - b) > STICK_US for a, b in sticks):
+        if len(now_us) != len(then_us) or any(abs(a - b) > SAFETY.stick_us for a, b in sticks):
             return "the sticks were moved"
         return _switched(again)
 
     def sure(self, now_s: float) -> str | None:
-        """Say which switch was moved for sure when nothing was reported meanwhile."""
+        """Return which switch has certainly moved when no further report arrived."""
         since_s = self._off_since_s.items()
-        return _switched([one for one, at_s in since_s if now_s - at_s >= SURE_AFTER_S])
+        return _switched(
+            [one for one, at_s in since_s if now_s - at_s >= SAFETY.switch_moved_s]
+        )
 
     def _elsewhere(self, now_us: tuple[int, ...]) -> list[int]:
         then_us = self._then.switches_us
@@ -56,13 +51,15 @@ class HandWatch:
         now, then = (one + (0,) * (most - len(one)) for one in (now_us, then_us))
         return [
             number
-            for number, (a, b) in enumerate(zip(now, then, strict=True), FIRST_SWITCH)
-            if abs(a - b) >= SWITCH_US and number not in self._unwatched
+            for number, (a, b) in enumerate(
+                zip(now, then, strict=True), SAFETY.first_switch_channel
+            )
+            if abs(a - b) >= SAFETY.switch_us and number not in self._unwatched
         ]
 
 
 def _switched(channels: list[int]) -> str | None:
-    """Say which switch was moved, and what to do if it is none."""
+    """Describe a moved switch, and the remedy if the channel is not a switch."""
     if not channels:
         return None
     unless = "(guidance.unwatched_channels leaves it out)"

@@ -1,16 +1,14 @@
-"""Heights: PX4 takes every z for one above mean sea level, whatever the frame says."""
+"""Convert heights: PX4 reads every z as altitude above mean sea level, in any frame."""
 
 from uavrt.errors import PlanError
-
-LOWEST_M = 20.0
-"""Above ground, unless the settings say otherwise."""
+from uavrt.guidance.safety import SAFETY
 
 
 def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> float:
     """Altitude to send for a wanted height above home.
 
-    The barometer drifts and the autopilot's sea level may be off by tens of metres; both are in
-    the altitude and the height of one message, and fall out of the difference.
+    Barometer drift and an offset of the autopilot's sea level, up to tens of metres, affect
+    altitude and height of one message alike, and cancel in their difference.
     """
     return amsl_now_m - relative_now_m + wanted_m
 
@@ -18,7 +16,7 @@ def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> 
 def check_height(
     wanted_m: float,
     *,
-    lowest_m: float = LOWEST_M,
+    lowest_m: float = SAFETY.lowest_height_m,
     highest_m: float = 120.0,
     ground_above_home_m: float = 0.0,
 ) -> None:
@@ -28,11 +26,11 @@ def check_height(
         raise PlanError(
             f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
             f"the least is {lowest_m:.0f} m",
-            remedy="Ask for a greater height",
+            remedy="Choose a greater height",
         )
     if above > highest_m:
         raise PlanError(
             f"{wanted_m:.0f} m above home is {above:.0f} m above ground; "
             f"the most is {highest_m:.0f} m",
-            remedy="Ask for a smaller height",
+            remedy="Choose a smaller height",
         )

@@ -1,21 +1,17 @@
-"""Delay of the vehicle's reports, by its own clock in them. Pure.
+"""Delay of the vehicle's reports, from the timestamps in them. Pure.
 
-Behind a slow link's queue the report of a pilot's return arrives seconds after its begin.
+Behind the queue of a slow link, the report of a pilot's return arrives seconds late.
 """
 
 from uavrt.guidance.observed import BootTimeSeen
-
-LATEST_S = 0.2
-"""Later, and no command is sent."""
-CLOCKS_PART = 2e-4
-"""Two crystals of 100 ppm: what the least offset may have become since it was seen."""
+from uavrt.guidance.safety import SAFETY
 
 
 class Lateness:
     """Measures the delay by the autopilot's time since its start.
 
-    Where TIMESYNC gives that clock's time, by that; else by the least offset since the link
-    came up: the quickest message is taken to be in time.
+    Uses TIMESYNC if available, else the least offset since the link came up: the quickest
+    message is taken as undelayed.
     """
 
     def __init__(self) -> None:
@@ -23,7 +19,7 @@ class Lateness:
         """Arrival [s] and offset [s] of the quickest message."""
         self._boot_s = 0.0
         self.late_s = 0.0
-        """Of the message that came last."""
+        """Delay of the last message."""
 
     def see(self, seen: BootTimeSeen) -> None:
         """Measure a message."""
@@ -32,18 +28,18 @@ class Lateness:
         expected_s = offset_s
         if self._least is not None:
             when_s, least_s = self._least
-            expected_s = least_s + CLOCKS_PART * max(0.0, seen.time_s - when_s)
+            expected_s = least_s + SAFETY.clock_drift * max(0.0, seen.time_s - when_s)
         if offset_s <= expected_s:
             self._least = seen.time_s, offset_s
         self.late_s = max(0.0, offset_s - expected_s if seen.late_s is None else seen.late_s)
 
     def starts_again(self, seen: BootTimeSeen) -> bool:
-        """Whether the autopilot has started since the messages before."""
+        """True if the autopilot has restarted since the previous messages."""
         return seen.boot_s + 1.0 < self._boot_s
 
     @property
     def fault(self) -> str | None:
-        """Say that it is too late to command anything; None when it is not."""
-        if self.late_s <= LATEST_S:
+        """Return the reason if reports are too late for any command; else None."""
+        if self.late_s <= SAFETY.latest_telemetry_s:
             return None
         return f"the autopilot's messages come {self.late_s:.1f} s late"

@@ -1,47 +1,38 @@
-"""What flying takes, learnt in flight: what was foretold and what the battery gave. Pure."""
+"""Learn the power of flight from predictions and battery readings. Pure."""
 
 from dataclasses import replace
 
 from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.planning.energy import EnergyModel
-
-LEARNS_PERCENT = 3.0
-"""Of the battery between two lessons."""
-READING_SHARE = 0.005
-"""Of the battery: error of a difference of two readings in whole percents, at their changes."""
-UNKNOWN_SIGMA, KNOWN_SIGMA = 1.0, 0.25
-"""How sure the power of hovering is before the first lesson, as a share of it: the way home is
-reckoned with two of them more. Unknown drones take 400 W to 1200 W."""
-SWAPPED_PERCENT = 5.0
-"""A charge that rises by more at once is of another battery."""
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """What is believed before the first lesson.
+    """Prior estimate of the power.
 
-    `hover_w`: power of hovering by the settings; None: not known.
+    `hover_w`: hover power by the settings; None: unknown.
     """
     if hover_w is None:
-        return EnergyModel(scale_sigma=UNKNOWN_SIGMA)
+        return EnergyModel(scale_sigma=SEARCH.unknown_sigma)
     return EnergyModel(
         hover_w=hover_w,
         cruise_w=1.05 * hover_w,
         climb_j_per_m=0.15 * hover_w,
-        scale_sigma=KNOWN_SIGMA,
+        scale_sigma=SEARCH.known_sigma,
     )
 
 
 class Lessons:
-    """One drone's: what it takes to fly, stretch by stretch, over all its orders.
+    """Power estimate of one drone, updated stretch by stretch over all its orders.
 
-    `hover_w`: as of `energy_of`.
-    `battery_wh`: size of the full battery; None: nothing is learnt.
+    `hover_w`: see `energy_of`. `battery_wh`: capacity of the full battery; None: nothing is
+    learnt.
     """
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:
         self.energy = energy_of(hover_w)
         self.learnt = 0
-        """Lessons so far."""
+        """Number of updates so far."""
         self._battery_wh = battery_wh
         self._before_s: float | None = None
         self._percent: float | None = None
@@ -49,9 +40,9 @@ class Lessons:
         self._predicted_wh = 0.0
 
     def taught(self, now: VehicleNow) -> VehicleNow:
-        """Take the reading of now, and add what is known by it.
+        """Add the present reading; return the state with the learnt power.
 
-        Only while an order is flown: then the drone is in the air.
+        Updates only while an order is flown: then the drone is in the air.
         """
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
@@ -60,7 +51,7 @@ class Lessons:
         return replace(now, energy=self.energy)
 
     def _read(self, now: VehicleNow, percent: float, battery_wh: float) -> None:
-        """Add a reading; a stretch begins and ends where it changes, in whole percents."""
+        """Add a reading; stretches begin and end where the whole percentage changes."""
         before_s, before = self._before_s, self._percent
         self._before_s, self._percent = now.time_s, percent
         if before_s is None or before is None:
@@ -68,18 +59,18 @@ class Lessons:
         self._predicted_wh += self.energy.used_wh(now.time_s - before_s, now.speed_m_s)
         if percent == before:
             return
-        if percent > before + SWAPPED_PERCENT:
+        if percent > before + SEARCH.swapped_percent:
             self._begun_percent = None
         if self._begun_percent is None:
             self._begun_percent, self._predicted_wh = percent, 0.0
             return
         used_percent = self._begun_percent - percent
-        if used_percent < LEARNS_PERCENT or self._predicted_wh <= 0.0:
+        if used_percent < SEARCH.learns_percent or self._predicted_wh <= 0.0:
             return
         self.energy = self.energy.learnt(
             self._predicted_wh,
             battery_wh * used_percent / 100.0,
-            sigma_wh=READING_SHARE * battery_wh,
+            sigma_wh=SEARCH.reading_share * battery_wh,
         )
         self.learnt += 1
         self._begun_percent, self._predicted_wh = percent, 0.0

@@ -1,7 +1,7 @@
-"""What was heard and what was not, and where the antenna was then. Pure.
+"""Detected and missed pulses, with the antenna's pose at those times. Pure.
 
-A pulse brings its own pose. That none came is known later, and only for times in which a
-detector says that it has searched: a radio that is away is no silence.
+A pulse has its own pose. A miss is known later, and only for times that a detector reports as
+searched: an absent radio is no evidence of absence.
 """
 
 from collections import deque
@@ -11,23 +11,16 @@ from math import atan2, degrees, log10
 
 from uavrt.attitude import rotated
 from uavrt.detection.reporting import report_every_s
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.localization.position.level_belief import Listening
 from uavrt.messages import PulsePose, SearchReport, Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
-REPORT_GAP_S = 3.0
-"""Longest gap between the reports of one search, which come each second."""
-LATE_INTERVALS, LATE_S = 2.0, 1.5
-"""Greatest delay of a group's pulses after the group itself."""
-KEPT_S = 60.0
-"""How long the drone's places are kept."""
-MOST_KEYS = 4096
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Antenna:
-    """Where the antenna was."""
+    """Pose of the antenna."""
 
     time_s: float
     east_m: float
@@ -39,7 +32,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A pulse of a tag, or that none was heard when one was due."""
+    """A pulse of a tag, or a miss where one was due."""
 
     tag_id: int
     time_s: float
@@ -48,43 +41,43 @@ class Evidence:
 
 @dataclass(slots=True)
 class _Ear:
-    """Of one tag."""
+    """Search state of one tag."""
 
     slot_s: float
-    """Between two pulses, with what they may be off by."""
+    """Pulse interval including its uncertainty."""
     late_s: float
     gap_s: float
-    """Longest between two reports of one search."""
+    """Longest gap between two reports of one search."""
     threshold_db: float
-    """Of what is missed when nothing came so late."""
+    """Threshold for a missed pulse that cannot be detected later [dB]."""
     least_db: float
-    """Of what may come later still."""
+    """Threshold for a missed pulse that a later group may still include [dB]."""
     from_s: float | None = None
-    """Searched without a gap since then; None: not at all."""
+    """Time since which the search has no gap; None: not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
-    """Begin of the first slot that is not judged yet."""
+    """Start of the first slot that is not evaluated yet."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0
 
 
 def threshold_db(k: int, *, coded: bool = False) -> float:
-    """ENR at which half of the groups of K equal pulses are found; or of K coded bursts.
+    """ENR at which half of the groups of K equal pulses, or of K coded bursts, are found [dB].
 
-    A line through `uavrt.detection.sensitivity.enr_needed_db` for tags of 20 ms, of exact and
-    of usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. On
-    the drone that would take scipy.stats, twice the guide's memory. One coded burst of four
-    pulses takes 9.7 dB a pulse, three 6.0, ten 2.7.
+    Fitted to `uavrt.detection.sensitivity.enr_needed_db` for 20 ms tags with exact and usual
+    intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. The function
+    itself would need scipy.stats, twice the guide's memory. One coded burst of four pulses
+    takes 9.7 dB per pulse, three 6.0, ten 2.7.
     """
     return (9.7 if coded else 11.4) - 6.6 * log10(max(1, k))
 
 
 class Ears:
-    """Turns pulses, reports and places into evidence.
+    """Turns pulses, reports and positions into evidence.
 
-    `k`: pulses of a group; 0: as each tag says.
-    `codes`: coded tags that are listed, sought or not: of many, reports come more seldom.
+    `k`: pulses in a group; 0: as each tag says. `codes`: number of listed coded tags, sought or
+    not: with many, reports are less frequent.
     """
 
     def __init__(
@@ -104,21 +97,21 @@ class Ears:
         self._places: deque[Antenna] = deque()
         self._keys: dict[tuple[int, int], None] = {}
         self.refused = 0
-        """Pulses without information: without a pose, doubtful, ghosts, or repeated."""
+        """Pulses without information: no pose, doubtful, ghost, or repeated."""
 
     def counts(self, tag_id: int) -> tuple[int, int]:
-        """Pulses heard and missed."""
+        """Pulses detected and missed."""
         ear = self._ears[tag_id]
         return ear.pulses, ear.missed
 
     def place(self, place: Antenna) -> None:
-        """Take where the antenna is."""
+        """Add the antenna's present pose."""
         self._places.append(place)
-        while self._places[0].time_s < place.time_s - KEPT_S:
+        while self._places[0].time_s < place.time_s - SEARCH.kept_s:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
-        """Add a pulse that came at that time; None where it is no evidence."""
+        """Add a pulse received at that time; None if it gives no evidence."""
         pulse, pose = pulse_pose.pulse, pulse_pose.pose
         ear = self._ears.get(pulse.tag_id)
         if ear is None or pulse.detection_status == "subthreshold":
@@ -129,7 +122,7 @@ class Ears:
             self.refused += 1
             return None
         self._keys[pulse.key] = None
-        if len(self._keys) > MOST_KEYS:
+        if len(self._keys) > SEARCH.most_keys:
             del self._keys[next(iter(self._keys))]
         ear.pulses += 1
         east, north = self._plane.to_local(pose.latitude_deg, pose.longitude_deg)
@@ -144,7 +137,7 @@ class Ears:
         return self._evidence(pulse.tag_id, place, pulse.snr_db, ear)
 
     def searched(self, report: SearchReport, time_s: float) -> None:
-        """Take how far a detector has come with a tag."""
+        """Record a detector's search progress for one tag."""
         ear = self._ears.get(report.tag_id)
         if ear is None:
             return
@@ -154,7 +147,7 @@ class Ears:
         ear.to_s = max(ear.to_s, time_s)
 
     def missed(self) -> list[Evidence]:
-        """What was not heard, as far as that is known by now."""
+        """Missed pulses that are certain by now."""
         found = []
         for tag_id, ear in self._ears.items():
             if ear.from_s is None:
@@ -198,24 +191,24 @@ def _ear(tag: Tag, k: int) -> _Ear:
     threshold = threshold_db(k)
     return _Ear(
         slot_s=interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s,
-        late_s=(k + LATE_INTERVALS) * interval + LATE_S,
-        gap_s=REPORT_GAP_S,
+        late_s=(k + SEARCH.late_intervals) * interval + SEARCH.late_s,
+        gap_s=SEARCH.report_gap_s,
         threshold_db=threshold,
         least_db=threshold,
     )
 
 
 def _coded_ear(tag: Tag, codes: int) -> _Ear:
-    """Of a coded tag: what no burst shows by itself is missed, and may yet come.
+    """State of a coded tag: a burst below its own threshold may still be found later.
 
-    A burst that stands out is reported within a second or two; what only ten show comes up to
-    eighteen intervals late, when the drone is long elsewhere.
+    A strong burst is reported within a second or two; one that only ten together show, up to
+    eighteen intervals late, when the drone is far away.
     """
     (interval,) = tag.pulse_intervals_s
     return _Ear(
         slot_s=interval + tag.interval_uncertainty_s,
-        late_s=interval + LATE_S,
-        gap_s=REPORT_GAP_S + report_every_s(codes) - report_every_s(1),
+        late_s=interval + SEARCH.late_s,
+        gap_s=SEARCH.report_gap_s + report_every_s(codes) - report_every_s(1),
         threshold_db=threshold_db(1, coded=True),
         least_db=threshold_db(tag.k, coded=True),
     )

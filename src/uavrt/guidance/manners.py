@@ -1,8 +1,8 @@
 """Differences between the autopilots, in one table.
 
-As flown on PX4 v1.17 and ArduCopter 4.7. What is the same on both stands in
-`uavrt.guidance.authority`: to fly to a place is DO_REPOSITION by COMMAND_INT in frame
-GLOBAL_INT with the altitude above mean sea level.
+As flown on PX4 v1.17 and ArduCopter 4.7. What both have in common is in
+`uavrt.guidance.authority`: to fly to a position is DO_REPOSITION by COMMAND_INT in frame
+GLOBAL_INT with altitude above mean sea level.
 """
 
 from collections.abc import Mapping
@@ -17,33 +17,33 @@ AutopilotName = Literal["px4", "ardupilot"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manners:
-    """One autopilot's."""
+    """Behaviour of one autopilot."""
 
     name: AutopilotName
     own_mode: int
-    """Custom mode that DO_REPOSITION sets and obeys: ours."""
+    """Custom mode that DO_REPOSITION sets and that flies our commands."""
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     mode_by: Literal["CURRENT_MODE", "HEARTBEAT"]
-    """Message that reports the mode more often than once a second."""
+    """Message that reports the mode more often than each second."""
     mode_rate_hz: float
-    """As often as it can be had; PX4 sends CURRENT_MODE at 2 Hz whatever is asked."""
+    """Rate requested for it; PX4 sends CURRENT_MODE at 2 Hz whatever is requested."""
     yaw_in_reposition: bool
-    """DO_REPOSITION turns, and turning is by steps; else by one CONDITION_YAW."""
+    """True: DO_REPOSITION sets the heading, and turns are made in steps; else CONDITION_YAW."""
     follows_course: bool
-    """On its way the heading follows the course over ground, else the bearing of the target."""
+    """True: the heading follows the course over ground; else the bearing of the target."""
 
     takeoff_mode: int
-    """In which it climbs from the ground; ours is after it, or is this."""
+    """Mode in which it climbs from the ground; followed by our mode, or the same."""
 
     mission_modes: frozenset[int]
-    """Those in which the vehicle's mission is flown, or the way home by it."""
+    """Modes in which the vehicle flies its mission, or returns along it."""
     home_in_mission: bool
-    """Its mission begins with home, in the place of the first item."""
+    """True if item 0 of its mission is home."""
 
     target_m: float
-    """Largest distance of the reported target from the commanded one. PX4 keeps the very
-    numbers of the command; a pause of the drone where it stands must differ from them."""
+    """Largest distance of the reported target from the commanded one. PX4 keeps the command's
+    exact numbers; a pause where the drone is must differ from them."""
 
     settles_m: float
     """Greatest distance from the target at which a drone comes to rest by itself [m]; one that
@@ -51,12 +51,12 @@ class Manners:
     0.66 m in the simulator's gusts. PX4 approaches too slowly over the last metres for it."""
 
     target_lost_s: float
-    """Without a report of the target for so long an order ends. ArduCopter reports none while
+    """Time without a reported target after which an order ends. ArduCopter reports none while
     another station flies it by velocities."""
 
     @property
     def own_mode_first(self) -> bool:
-        """Whether a take-off is commanded in our own mode, which is to be taken before."""
+        """True if a take-off is commanded in our own mode, which must be set first."""
         return self.takeoff_mode == self.own_mode
 
     def mode_name(self, mode: int) -> str:
@@ -65,7 +65,7 @@ class Manners:
 
 
 def _px4(main: int, sub: int = 0) -> int:
-    """Custom mode of PX4: main mode in the third byte, sub mode in the fourth."""
+    """Custom mode of PX4: main mode in the third byte, submode in the fourth."""
     return main << 16 | sub << 24
 
 
@@ -135,7 +135,7 @@ MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
 
 
 def manners_of(name: str | None) -> Manners:
-    """Manners of an autopilot; raises `CommandRefused` for one that is unknown."""
+    """Get the behaviour of an autopilot; raises `CommandRefused` for an unknown one."""
     for known, manners in MANNERS.items():
         if known == name:
             return manners

@@ -1,7 +1,6 @@
-"""Missions and fences as autopilots hold them: items with numbers of MAVLink. Pure.
+"""Missions and fences in the form of MAVLink items. Pure.
 
-The items of missions and fences are MAVLink's (https://mavlink.io/en/services/mission.html,
-https://mavlink.io/en/file_formats/#fence).
+Formats: https://mavlink.io/en/services/mission.html, https://mavlink.io/en/file_formats/#fence.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +14,8 @@ from uavrt.errors import FormatError, PlanError
 from uavrt.geodesy import distance_m
 from uavrt.guidance.heights import check_height
 from uavrt.guidance.orders import Limits, Order, Place
-from uavrt.guidance.plans import MARGIN_M, check_keep_out, survey_places, voids_of
+from uavrt.guidance.plans import check_keep_out, survey_places, voids_of
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.planning.area import Polygon, SearchArea
 from uavrt.tangent_plane import TangentPlane
@@ -29,9 +29,10 @@ CORNER_WITHIN, CORNER_OUTSIDE, CIRCLE_WITHIN, CIRCLE_OUTSIDE = 5001, 5002, 5003,
 """MAV_CMD_NAV_FENCE_*."""
 FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
-"""GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT are the same as the older ones."""
+"""GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, mapped to the equivalent older frames."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
-"""PX4 keeps degrees as double numbers, ArduPilot heights in whole centimetres."""
+"""Tolerances of an item read back: PX4 stores degrees as doubles, ArduPilot whole
+centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
 
 
@@ -45,15 +46,15 @@ class MissionItem:
     x: int = 0
     """Latitude [1e-7 deg]."""
     y: int = 0
-    """Longitude."""
+    """Longitude [1e-7 deg]."""
     z: float = 0.0
-    """Height [m], by the frame."""
+    """Height [m] in the item's frame."""
 
     @classmethod
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Make the item of a place, with its first parameter; it looks where it flies."""
+        """Make the item of a position; the heading follows the flight."""
         return cls(
             command=command,
             frame=frame,
@@ -69,7 +70,7 @@ class MissionItem:
         return self.x / FULL_SCALE_DEG, self.y / FULL_SCALE_DEG
 
     def flies_as(self, other: "MissionItem") -> bool:
-        """Whether an autopilot that holds the other flies what this one says."""
+        """True if an autopilot holding the other item flies the same."""
         if self.command != other.command:
             return False
         if self.command == RETURN:
@@ -85,24 +86,21 @@ class MissionItem:
 
 
 NOT_CHECKED = "the vehicle's fence, home, battery, and the ground beneath the ways"
-"""By who writes a survey without a vehicle."""
+"""Checks left to the operator when a survey is saved to a file."""
 NOT_CHECKED_ABOARD = "its battery, and the ground beneath the ways"
-"""By who gives it to one."""
+"""Checks left to the operator when a survey is uploaded to a vehicle."""
 
 
 def survey_items(
     order: Order, limits: Limits | None = None, home: Place | None = None
 ) -> tuple[MissionItem, ...]:
-    """Write a survey as a mission: its ways at their height above home, then the return.
+    """Write a survey as a mission: its path at the height above home, then the return.
 
-    Nothing of it takes off: a pilot does, and starts the mission.
-
-    `order`: a survey along lines or around; of turns at places no autopilot's mission is alike.
-    `limits`: heights; with `home` also the distance from it, and the vehicle's own fence.
-    `home`: the vehicle's; without it only the ways themselves are checked.
-    Raises `PlanError`: there is no height, the outline is none, or a way leads over people or
-    buildings; or, with a home, out of the fence, too far away, or to where the way home does
-    so.
+    It has no take-off: a pilot takes off and starts the mission. `order`: a survey along lines
+    or around; turns at positions differ between autopilots. `limits`: heights; with `home` also
+    the distance from it and the vehicle's fence. `home`: the vehicle's; without it only the
+    path is checked. Raises `PlanError`: no height is given, the outline is invalid, or the path
+    crosses an excluded area; with a home, also if path or return leave the fence or its radius.
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
@@ -126,17 +124,19 @@ def survey_items(
 
 
 def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
-    """Without a home only the ways are known."""
+    """Check a path against excluded areas; without a home the return is not known."""
     plane = TangentPlane(latitude_deg=places[0][0], longitude_deg=places[0][1])
     east, north = plane.to_local(*np.array(places).T)
     area = SearchArea(
         search=Polygon.rectangle(-1e5, 1e5, -1e5, 1e5),
         voids=voids_of(order, Limits(), plane),
-        margin_m=MARGIN_M,
+        margin_m=SAFETY.margin_m,
     )
     reason = area.entered(np.asarray(east), np.asarray(north))
     if reason is not None:
-        raise PlanError(f"the way {reason}", remedy="Draw the area next to it, or in two parts")
+        raise PlanError(
+            f"the path {reason}", remedy="Draw the area next to it, or in two parts"
+        )
 
 
 def _check_with_home(
@@ -153,7 +153,7 @@ def _check_with_home(
 
 
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:
-    """How the mission that a vehicle holds is not the one that was sent; None: it is."""
+    """Describe how the mission read back differs from the one sent; None: it does not."""
     if len(sent) != len(held):
         return f"it holds {len(held)} items, not {len(sent)}"
     for number, (one, other) in enumerate(zip(sent, held, strict=True), 1):
@@ -187,7 +187,7 @@ def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
 
 
 def _corners(first: MissionItem, rest: Iterator[MissionItem]) -> tuple[Place, ...]:
-    """The corners of a polygon; each item has their number."""
+    """Corners of a polygon; each item has their number."""
     count = first.params[0]
     if not (isfinite(count) and 3.0 <= count <= 1000.0):
         raise FormatError(f"the vehicle's fence has {count:g} corners", remedy=_REMEDY)

@@ -1,7 +1,7 @@
-"""Other drones of the same search, as the one that decides sees them. Pure.
+"""Other drones of the same search, as the deciding drone represents them. Pure.
 
-No clock is shared with them: a straight way belongs to its drone from where it was last seen
-to its goal, whenever it flies that. So nothing depends on how late their word is.
+Without a common clock, a straight path belongs to its drone from its last known position to its
+goal, whenever it is flown. So nothing depends on the delay of messages.
 """
 
 from collections.abc import Collection, Sequence
@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from uavrt.guidance.orders import Place
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import Neighbour
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.division import Start
@@ -18,21 +19,19 @@ from uavrt.planning.shares import shared_out
 from uavrt.planning.vehicle import Path, VehicleState
 from uavrt.tangent_plane import TangentPlane
 
-MISSING_S = 10.0
-"""A drone not heard for so long gives its tags back; its ways remain its own."""
 SEPARATION = Separation()
 _OWN = 0
-"""Among the numbers of vehicles, which begin at 1."""
+"""Number of this drone among the vehicles, which begin at 1."""
 _Metres = tuple[float, float]
 
 
 def strips_of(others: Sequence[Neighbour], plane: TangentPlane) -> tuple[Strip, ...]:
-    """Ways that are others': those they fly, and those that they were given and will."""
+    """Paths of others: those being flown and those assigned next."""
     return tuple(strip for one in others for strip in pairwise(_corners(one, plane)))
 
 
 def _corners(one: Neighbour, plane: TangentPlane) -> list[_Metres]:
-    """Where it is, where it flies to, and from there where it will."""
+    """Present position of a drone, its goal, and the next goal."""
     course = one.course
     if course is None:
         return []
@@ -55,19 +54,16 @@ def other_drones_of(
     *,
     speed_m_s: float,
 ) -> tuple[OtherDrones, tuple[int, ...]]:
-    """What a drone is to count with, and the tags that it is after from now on.
+    """Other drones as the planner needs them, and the tags that this drone takes on.
 
-    `state`: where it decides from.
-    `beliefs`: its own.
-    `found`: tags that need no more searching.
-    `held`: tags that it was after until now.
-    `speed_m_s`: of all drones.
+    `state`: start of the decision. `beliefs`: this drone's. `found`: tags that need no more
+    searching. `held`: tags that it had taken on until now. `speed_m_s`: of all drones.
     """
     starts = {_OWN: Start(east_m=state.east_m, north_m=state.north_m)}
     owners, listening = dict.fromkeys(held, _OWN), []
     for one in others:
         course = one.course
-        if course is None or one.age_s > MISSING_S:
+        if course is None or one.age_s > SAFETY.missing_s:
             continue
         if course.searching and not course.returning:
             path = _path(_corners(one, plane), state, speed_m_s)
@@ -94,7 +90,7 @@ def other_drones_of(
 
 
 def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path:
-    """When it will probably be where: at once on its way, at the speed of all."""
+    """Predicted times and positions of a drone that flies at once, at the common speed."""
     east, north = np.array(corners).T
     steps = np.hypot(np.diff(east), np.diff(north))
     yaw = np.degrees(np.arctan2(np.diff(east), np.diff(north)))
@@ -110,7 +106,7 @@ def _path(corners: list[_Metres], state: VehicleState, speed_m_s: float) -> Path
 
 
 def nearest_m(drones: OtherDrones, places: Sequence[_Metres]) -> float:
-    """How near a way through places comes to what is others'."""
+    """Least distance of a path from the other drones' paths."""
     return min(
         float(drones.strips_apart_m(begin, np.array([end[0]]), np.array([end[1]]))[0])
         for begin, end in pairwise(places)

@@ -17,9 +17,9 @@ class ModeSeen:
     mode: int
     """Custom mode."""
     armed: bool | None = None
-    """None: not in the message."""
+    """None: the message does not contain it."""
     failsafe: bool = False
-    """The autopilot's own state is critical or worse."""
+    """True if the autopilot reports a critical or worse state."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,14 +28,14 @@ class PositionSeen:
 
     time_s: float
     boot_s: float
-    """The autopilot's time since its start."""
+    """The autopilot's time since its start [s]."""
     latitude_deg: float
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
-    """Above home."""
+    """Height above home."""
     velocity_m_s: tuple[float, float, float]
-    """North and east over ground, and up."""
+    """Velocity north, east and up."""
     yaw_deg: float | None
 
     @property
@@ -49,7 +49,7 @@ class PositionSeen:
         return degrees(atan2(self.velocity_m_s[1], self.velocity_m_s[0]))
 
     def way_to(self, place: FlyThere) -> tuple[float, float]:
-        """Bearing [deg] of a place and its distance [m]."""
+        """Bearing [deg] and distance [m] of a position."""
         east = wrap_degrees_180(place.longitude_deg - self.longitude_deg)
         north = place.latitude_deg - self.latitude_deg
         bearing = degrees(atan2(east * cos(radians(self.latitude_deg)), north))
@@ -58,20 +58,20 @@ class PositionSeen:
 
 @dataclass(frozen=True, slots=True)
 class PositionLost:
-    """The autopilot says that it has no position."""
+    """The autopilot reports that it has no position."""
 
     time_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSeen:
-    """POSITION_TARGET_GLOBAL_INT: where the autopilot is flying to."""
+    """POSITION_TARGET_GLOBAL_INT: the autopilot's present target."""
 
     time_s: float
     boot_s: float
-    """The autopilot's time since its start."""
+    """The autopilot's time since its start [s]."""
     latitude_deg: float | None
-    """None: it follows no place."""
+    """None: it has no target position."""
     longitude_deg: float | None
     altitude_amsl_m: float | None
     yaw_deg: float | None
@@ -79,13 +79,13 @@ class TargetSeen:
 
 @dataclass(frozen=True, slots=True)
 class SticksSeen:
-    """RC_CHANNELS in microseconds; empty: no receiver, or it has lost the sender."""
+    """RC_CHANNELS in microseconds; empty: no receiver, or no signal."""
 
     time_s: float
     channels_us: tuple[int, ...]
     """Roll, pitch, throttle, yaw."""
     switches_us: tuple[int, ...] = ()
-    """Channels from 5 on, 0 where one is not used."""
+    """Channels from 5 on; 0 if unused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class LandedSeen:
 
     time_s: float
     on_ground: bool | None
-    """None: the autopilot does not know."""
+    """None: unknown to the autopilot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +122,12 @@ class BootTimeSeen:
     time_s: float
     boot_s: float
     late_s: float | None = None
-    """From when it was made to its arrival, by the clocks' TIMESYNC; None: not known."""
+    """Delay of the message by TIMESYNC [s]; None: unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Boot:
-    """A new autopilot was found, or another one."""
+    """A new or different autopilot was found."""
 
     time_s: float
 
@@ -148,13 +148,13 @@ Located = PositionSeen | TargetSeen | HomeSeen | FlyThere
 
 
 def between_m(one: Located, other: Located) -> float:
-    """Distance over ground; 0 where one of them is no place."""
+    """Distance over ground [m]; 0 if one of them has no position."""
     a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
     return 0.0 if a is None or b is None or c is None or d is None else distance_m(a, b, c, d)
 
 
 def same_place(one: Located, other: Located, within_m: float) -> bool:
-    """Whether both are one place and height, or neither is a place."""
+    """True if both are at the same position and height, or neither has one."""
     if one.latitude_deg is None or other.latitude_deg is None:
         return one.latitude_deg is other.latitude_deg
     a, b = one.altitude_amsl_m, other.altitude_amsl_m

@@ -1,4 +1,4 @@
-"""The vehicle as the autopilot reported it last, and why it cannot be flown by order. Pure."""
+"""The vehicle by its last reports, and why it cannot be flown by order. Pure."""
 
 from math import inf
 
@@ -18,41 +18,31 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
+from uavrt.guidance.safety import SAFETY
 from uavrt.units import wrap_degrees_180
-
-MODE_AGE_S, POSITION_AGE_S = 1.0, 0.5
-"""Older, and no command is sent."""
-STICKS_AGE_S = 0.3
-"""The same for sticks that are to be seen: autopilots report them at 5 Hz or more."""
-MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
-HEARTBEAT_LOST_S = 5.0
-"""Older, and the order has ended. Only the heartbeat reports disarming and failsafes."""
-FLYING_M = 2.0
-"""Above home: lower, it stands on the ground unless the autopilot reports otherwise."""
-LANDED_AGE_S = 3.0
 
 
 class ObservedVehicle:
-    """Holds the newest report of each kind; `take` brings the next one."""
+    """Holds the newest report of each kind."""
 
     def __init__(self, manners: Manners, failsafe: FailsafeSeen | None = None) -> None:
         self.manners = manners
         self.mode: ModeSeen | None = None
         self.heartbeat: ModeSeen | None = None
-        """Newest report of the mode that says whether it is armed."""
+        """Newest mode report that includes the arming state."""
         self.position: PositionSeen | None = None
         self.target: TargetSeen | None = None
         self.turning_deg_s = self.target_turning_deg_s = 0.0
-        """How fast heading and reported heading changed when seen last."""
+        """Last rates of change of heading and reported target heading."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
         self.failsafe = failsafe
-        """Kept over a restart of the autopilot, until it is too old."""
+        """Last failsafe; kept over a restart of the autopilot until it is too old."""
         self._lateness = Lateness()
 
     def take(self, seen: Observation) -> bool:
-        """Take a report; False for one that a newer one has overtaken on its way."""
+        """Store a report; False if a newer one has arrived before."""
         match seen:
             case PositionSeen():
                 if self.position is not None and seen.boot_s < self.position.boot_s:
@@ -86,7 +76,7 @@ class ObservedVehicle:
         return True
 
     def restarted(self, seen: Observation) -> str | None:
-        """Say that this report is of an autopilot that has started since the last one."""
+        """Return the reason if this report shows that the autopilot has restarted."""
         if isinstance(seen, Boot):
             return "another autopilot"
         restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
@@ -102,26 +92,26 @@ class ObservedVehicle:
 
     @property
     def mode_name(self) -> str:
-        """The mode as pilots call it; empty before any was seen."""
+        """The mode's name; empty before any report."""
         return "" if self.mode is None else self.manners.mode_name(self.mode.mode)
 
     @property
     def in_own_mode(self) -> bool:
-        """Whether it is in the mode that flies our commands."""
+        """True if it is in the mode that flies our commands."""
         return self.mode is not None and self.mode.mode == self.manners.own_mode
 
     @property
     def late(self) -> str | None:
-        """Says that the vehicle's reports are too old to command anything; else None."""
+        """Return the reason if reports are too old for any command; else None."""
         return self._lateness.fault
 
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
-        """Why no order, or no take-off, can be confirmed now, and the remedy; else None."""
-        if self.mode is None or now_s - self.mode.time_s > MODE_AGE_S:
+        """Why an order or a take-off cannot be confirmed now, with the remedy; else None."""
+        if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
             return "the autopilot's mode is not known", "Check the link to the autopilot"
-        if self.heartbeat is None or now_s - self.heartbeat.time_s > HEARTBEAT_LOST_S:
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot", "Check the link to the autopilot"
-        if self.position is None or now_s - self.position.time_s > POSITION_AGE_S:
+        if self.position is None or now_s - self.position.time_s > SAFETY.position_age_s:
             return "the vehicle has no position", "Wait for its satellites"
         if self.home is None:
             return "the vehicle has no home", "Wait for its position, or set home in the GCS"
@@ -137,47 +127,47 @@ class ObservedVehicle:
         climbs = self.mode.mode == self.manners.takeoff_mode and not self.in_own_mode
         if climbs and not takeoff:
             return "the vehicle still takes off", "Ask again once it hovers"
-        if self.failsafe is not None and now_s - self.failsafe.time_s <= MODE_LOST_S:
+        if self.failsafe is not None and now_s - self.failsafe.time_s <= SAFETY.mode_lost_s:
             what = self.failsafe.what
             return f"the autopilot reports a failsafe: {what}", "Land, and find its cause"
         return None
 
     def lost(self, now_s: float) -> str | None:
-        """Say what has not been reported for so long that an order ends."""
-        if self.mode is None or now_s - self.mode.time_s > MODE_LOST_S:
+        """Return which report has been missing so long that an order ends."""
+        if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_lost_s:
             return "the mode is no longer reported"
-        if self.heartbeat is None or now_s - self.heartbeat.time_s > HEARTBEAT_LOST_S:
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot"
-        if self.position is None or now_s - self.position.time_s > POSITION_LOST_S:
+        if self.position is None or now_s - self.position.time_s > SAFETY.position_lost_s:
             return "the position is lost"
         return None
 
     def on_ground(self, now_s: float) -> bool:
-        """Whether it stands on the ground, by its own word or else by its height above home."""
+        """True if it is on the ground, as reported or else by its height above home."""
         landed, position = self.landed, self.position
-        fresh = landed is not None and now_s - landed.time_s <= LANDED_AGE_S
+        fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
             return landed.on_ground
-        return position is not None and position.altitude_relative_m < FLYING_M
+        return position is not None and position.altitude_relative_m < SAFETY.flying_height_m
 
     def target_age_s(self, now_s: float) -> float:
         """Time since the target was reported."""
         return inf if self.target is None else now_s - self.target.time_s
 
     def sees_sticks(self, now_s: float, within_s: float) -> bool:
-        """Whether a remote control is there whose sticks were reported within this time."""
+        """True if a remote control's sticks were reported within this time."""
         seen = self.sticks
         return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
 
     def hands(self, now_s: float, unwatched: frozenset[int]) -> HandWatch | None:
-        """Watch the remote control from now on; None: it is not seen."""
-        if self.sticks is None or not self.sees_sticks(now_s, STICKS_LOST_S):
+        """Start to monitor the remote control; None: not received."""
+        if self.sticks is None or not self.sees_sticks(now_s, SAFETY.sticks_lost_s):
             return None
         return HandWatch(self.sticks, unwatched)
 
 
 def ended_by(seen: Observation) -> str | None:
-    """Say why a report ends any order and any offer, whatever was commanded."""
+    """Return the reason if a report ends any order and any offer."""
     match seen:
         case FailsafeSeen():
             return f"failsafe: {seen.what}"
@@ -193,10 +183,10 @@ def ended_by(seen: Observation) -> str | None:
 def _turning(
     before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
 ) -> float:
-    """How fast a heading turns, by two reports; as it was known by two of the same instant."""
+    """Rate of turn by two reports; unchanged if both are of the same instant."""
     gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
     if before is None or gap_s <= 0.0:
         return known
-    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > POSITION_AGE_S:
+    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > SAFETY.position_age_s:
         return 0.0
     return wrap_degrees_180(seen.yaw_deg - before.yaw_deg) / gap_s

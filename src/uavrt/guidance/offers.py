@@ -1,9 +1,8 @@
-"""The order that the operator is asked to confirm, and what takes it away. Pure."""
+"""The order that the operator is asked to confirm, and what withdraws it. Pure."""
 
 from dataclasses import dataclass
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.commanded import ASTRAY_M, HEIGHT_OFF_M
 from uavrt.guidance.hands import HandWatch
 from uavrt.guidance.observed import (
     HomeSeen,
@@ -16,18 +15,16 @@ from uavrt.guidance.observed import (
     same_place,
 )
 from uavrt.guidance.observed_vehicle import ObservedVehicle
-from uavrt.guidance.orders import OFFER_HOLDS_S
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw
 
-HOME_MOVED_M = 2.0
-"""From where it was at the confirmation; the same for jumps of the altitude, in all."""
 WHEN_YOURS = "A pilot flies it; ask again once it is yours"
 
 
 @dataclass(slots=True, kw_only=True)
 class Offer:
-    """An order that waits for the operator, and the vehicle as it was then."""
+    """An order that waits for confirmation, and the vehicle's state when it was offered."""
 
     order_id: int
     takeoff: bool
@@ -35,26 +32,26 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """Whether it was in our own mode, and flew no order."""
+    """True if the vehicle was in our mode without an order."""
     target: TargetSeen | None
-    """Where a vehicle that rests flew to: it could be another's now."""
+    """Target of a resting vehicle; another station's command would change it."""
     place: PositionSeen
     home: HomeSeen
     hands: HandWatch | None
-    """Since then; None: no remote control was seen."""
+    """Remote control since then; None: not received."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Headings of a vehicle that rests: its own, and the one that it reports as its target."""
+    """Headings of a resting vehicle: measured, and reported as target."""
 
     def turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """Whether another has turned the vehicle since, or has asked it to turn."""
+        """True if something else has turned the vehicle since, or commanded a turn."""
         watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
         if watch is None or seen.yaw_deg is None:
             return False
         return watch.turned(seen.boot_s, seen.yaw_deg)
 
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Say what a report shows of a pilot who has flown the vehicle since."""
+        """Return the reason if a report shows that a pilot has flown the vehicle since."""
         match seen:
             case ModeSeen() if seen.mode != self.mode:  # also if it comes back
                 return f"the mode has changed to {vehicle.manners.mode_name(seen.mode)}"
@@ -65,7 +62,7 @@ class Offer:
         return None
 
     def check(self, vehicle: ObservedVehicle) -> None:
-        """Raise `CommandRefused` where another has the vehicle since the operator was asked."""
+        """Raise `CommandRefused` if another has taken the vehicle since the offer."""
         then, now, within_m = self.target, vehicle.target, vehicle.manners.target_m
         given = then is not None and now is not None and not same_place(then, now, within_m)
         if given or (self.rests and then is None and is_elsewhere(now, self.place)):
@@ -78,59 +75,60 @@ class Offer:
 
 
 class Offers:
-    """Holds at most one offer; each nonce serves once."""
+    """Holds at most one offer; each nonce is valid once."""
 
     def __init__(self) -> None:
         self._offer: Offer | None = None
         self._withdrawn: tuple[int, str] | None = None
-        """Nonce of an offer that a pilot's hand ended, and how."""
+        """Nonce of an offer that a pilot ended, and how."""
         self._used: set[int] = set()
 
     def add(self, offer: Offer) -> None:
-        """Offer an order instead of the one before; a used nonce raises `CommandRefused`."""
+        """Replace the offer; a used nonce raises `CommandRefused`."""
         if offer.nonce in self._used:
             raise CommandRefused(
-                "this nonce was used before", remedy="Ask for the motion again"
+                "this nonce was used before", remedy="Request the motion again"
             )
         self._used.add(offer.nonce)
         self._withdrawn, self._offer = None, offer
 
     def take(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Take the offered order to confirm it; raises `CommandRefused` for another or late."""
+        """Take the offered order for confirmation; raises `CommandRefused` if not allowed."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
-                "this order is not on offer", remedy="Ask for the motion again, then confirm"
+                "this order is not on offer", remedy="Request the motion again, then confirm"
             )
-        if now_s - offer.made_s > OFFER_HOLDS_S:
+        if now_s - offer.made_s > SAFETY.offer_holds_s:
+            within = f"{SAFETY.offer_holds_s:.0f} s"
             raise CommandRefused(
-                f"the order was asked for {now_s - offer.made_s:.0f} s ago",
-                remedy=f"Ask for the motion again, then confirm within {OFFER_HOLDS_S:.0f} s",
+                f"the order was requested {now_s - offer.made_s:.0f} s ago",
+                remedy=f"Request the motion again, then confirm within {within}",
             )
         return offer
 
     def clear(self) -> None:
-        """Offer nothing."""
+        """Withdraw the offer."""
         self._offer = None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> None:
-        """Take the offer away where a report shows that another flies the vehicle."""
+        """Withdraw the offer if a report shows that another flies the vehicle."""
         offer = self._offer
         if offer is None:
             return
         why = offer.objection(seen, vehicle)
         if why is not None:  # a confirmation of it is refused with the reason
             self._withdrawn, self._offer = (offer.nonce, why), None
-        elif isinstance(seen, HomeSeen) and between_m(seen, offer.home) > HOME_MOVED_M:
+        elif isinstance(seen, HomeSeen) and between_m(seen, offer.home) > SAFETY.home_moved_m:
             self._offer = None
 
 
 def resting(
     seen: PositionSeen | TargetSeen | None, now_s: float, turning: float, tolerance: float
 ) -> RestingYaw | None:
-    """Watch the heading of a vehicle that rests, if it reports one."""
+    """Start to monitor the heading of a resting vehicle, if it reports one."""
     if seen is None or seen.yaw_deg is None:
         return None
     boot_s = seen.boot_s + now_s - seen.time_s
@@ -143,13 +141,15 @@ def resting(
 
 
 def is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
-    """Whether a target that is the first one seen is not where the vehicle holds.
+    """True if a first reported target is not where the vehicle holds.
 
-    In Guided, ArduPilot reports no target before it has one; a target where it holds, or comes
-    to rest, belongs to no order.
+    In Guided, ArduPilot reports no target before it has one; a target where it holds or comes
+    to rest belongs to no order.
     """
     if target is None or target.latitude_deg is None or place is None:
         return False
     height = target.altitude_amsl_m
-    climbs = height is not None and abs(height - place.altitude_amsl_m) > HEIGHT_OFF_M
-    return climbs or between_m(place, target) > ASTRAY_M + stops_within_m(place.speed_m_s)
+    climbs = height is not None and abs(height - place.altitude_amsl_m) > SAFETY.height_error_m
+    return climbs or between_m(place, target) > SAFETY.astray_m + stops_within_m(
+        place.speed_m_s
+    )

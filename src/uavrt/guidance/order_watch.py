@@ -1,13 +1,13 @@
-"""A confirmed order: what the vehicle does that we did not cause, and what may be sent. Pure.
+"""Monitor a confirmed order: changes that we did not cause, and what may be sent. Pure.
 
 Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
-target of the order before; from then on it must follow the command (`Commanded`).
+previous order's target; after it, the vehicle must follow the command (`Commanded`).
 """
 
 from dataclasses import dataclass, field
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.commanded import AT_TOP_M, OTHERS_TARGET, Commanded
+from uavrt.guidance.commanded import OTHERS_TARGET, Commanded
 from uavrt.guidance.hands import HandWatch
 from uavrt.guidance.observed import (
     HomeSeen,
@@ -20,54 +20,36 @@ from uavrt.guidance.observed import (
     between_m,
     same_place,
 )
-from uavrt.guidance.observed_vehicle import (
-    MODE_AGE_S,
-    POSITION_AGE_S,
-    STICKS_AGE_S,
-    STICKS_LOST_S,
-    ObservedVehicle,
-)
-from uavrt.guidance.offers import HOME_MOVED_M, Offer, is_elsewhere
-from uavrt.guidance.progress import SLOW_S
+from uavrt.guidance.observed_vehicle import ObservedVehicle
+from uavrt.guidance.offers import Offer, is_elsewhere
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.yaw import OTHERS_TURN
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, Wish
-
-BEGINS_WITHIN_S = 10.0
-"""From the confirmation to the first command."""
-CHANGE_MODE_AGE_S = 0.2
-"""Greatest age of the mode for a command that changes it: a pilot's own crosses with it."""
-TARGET_AGE_S = 0.3
-"""Older, and no further command is sent: another's target would not have been seen."""
-PLANNER_LOST_S = 2.0
-MODE_CHANGES_WITHIN_S = 1.5
-"""Until then the mode before a command is right; PX4 reports it at 2 Hz."""
-HEIGHT_JUMP_M = 5.0
-PLACE_JUMP_M = 30.0
 
 
 @dataclass(slots=True)
 class JumpWatch:
-    """Watches positions: neither place nor altitude may jump; that of home may be corrected."""
+    """Detects jumps of position or altitude; a correction of home's altitude is allowed."""
 
     before: PositionSeen
     jumped_m: float = 0.0
-    """By how much the altitude has jumped in all, against the height above home."""
+    """Sum of altitude jumps against the height above home."""
 
     def see(self, seen: PositionSeen) -> str | None:
-        """Say what has jumped since the report before."""
+        """Return what has jumped since the previous report."""
         before, self.before = self.before, seen
         gap_s = max(0.0, seen.boot_s - before.boot_s)
         rise = seen.altitude_amsl_m - before.altitude_amsl_m
-        if abs(rise) > HEIGHT_JUMP_M * max(1.0, gap_s):
+        if abs(rise) > SAFETY.height_jump_m * max(1.0, gap_s):
             return f"the height jumped by {rise:+.0f} m"
         above = seen.altitude_relative_m - before.altitude_relative_m
         climb = seen.velocity_m_s[2] * gap_s
         if abs(rise - climb) > abs(above - climb):
             self.jumped_m += rise - above
-        if abs(self.jumped_m) > HOME_MOVED_M:
+        if abs(self.jumped_m) > SAFETY.home_moved_m:
             return f"the altitude jumped by {self.jumped_m:+.0f} m"
         moved = between_m(seen, before)
-        far = moved > PLACE_JUMP_M + seen.speed_m_s * gap_s
+        far = moved > SAFETY.place_jump_m + seen.speed_m_s * gap_s
         return f"the position jumped by {moved:.0f} m" if far else None
 
 
@@ -76,21 +58,21 @@ class OrderWatch:
     """One order, from its confirmation to its end."""
 
     offer: Offer
-    """What was confirmed."""
+    """The confirmed offer."""
     confirmed_s: float
     planner_s: float
-    """Last sign of life of the process that sends the wishes."""
+    """Time of the planning process's last heartbeat."""
     place: PositionSeen
     home: HomeSeen
-    """Both at the confirmation."""
+    """Home at the confirmation."""
     target: TargetSeen | None
-    """Newest one, until the first command."""
+    """Newest reported target, until the first command."""
     hands: HandWatch | None
-    """Since the confirmation, where a remote control was seen."""
+    """Remote control since the confirmation, if received."""
     sticks_unseen: bool
-    """The operator knows that no hand would be seen in time."""
+    """True if the operator accepted that sticks are not monitored in time."""
     flown: Commanded | None
-    """Of the order before, which the vehicle flies until the first command of this one."""
+    """Command of the previous order, flown until this order's first command."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
     jumps: JumpWatch = field(init=False)
@@ -100,68 +82,76 @@ class OrderWatch:
 
     @property
     def datum_m(self) -> float:
-        """Altitude from which the heights of the order count, whatever home becomes."""
+        """Reference altitude for the order's heights, kept even if home changes."""
         return self.place.altitude_amsl_m - self.place.altitude_relative_m
 
     @property
     def leg(self) -> Commanded | None:
-        """What the vehicle flies by our command, if anything."""
+        """The command that the vehicle flies, if any."""
         return self.motion or self.flown
 
     @property
     def nearest_m(self) -> float | None:
-        """Least distance to its target that the leg has reached; None: it is no leg."""
+        """Least distance to the target reached on this leg; None: not a leg."""
         leg = self.leg
         flies = leg is not None and isinstance(leg.wish, FlyThere)
         return round(leg.left_m, 2) if leg is not None and flies else None
 
     def planner_alive(self, now_s: float) -> None:
-        """Note a sign of life of the process that sends the wishes."""
+        """Record a heartbeat of the planning process."""
         self.planner_s = now_s
 
     def check(
         self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool, stops: bool
     ) -> None:
-        """Raise `CommandRefused` where a wish must not become a command now."""
+        """Raise `CommandRefused` if a request must not become a command now."""
         self._check_seen(vehicle, now_s)
         mode, _, _ = vehicle.known
         if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
             raise CommandRefused("this is not what was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
-        if changes_mode and now_s - mode.time_s > CHANGE_MODE_AGE_S:
-            raise CommandRefused("the mode was not seen just now")
+        if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
+            raise CommandRefused("the autopilot's mode was not reported just now")
         if not first and mode.mode != vehicle.manners.own_mode:
-            raise CommandRefused("the first command is not yet seen to be obeyed")
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the first command"
+            )
         motion = self.motion
         if motion is not None and not motion.obeyed:
-            raise CommandRefused("the command before is not yet seen to be obeyed")
+            raise CommandRefused(
+                "the vehicle has not yet reported that it follows the previous command"
+            )
         if motion is not None and not stops:
             brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
             brakes &= not isinstance(wish, GoHome)
-            if brakes or motion.progress.stands(now_s, SLOW_S):
-                raise CommandRefused("the drone comes no nearer to its target")
-        if not first and not self.offer.takeoff and vehicle.target_age_s(now_s) > TARGET_AGE_S:
-            raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
+            if brakes or motion.progress.stands(now_s, SAFETY.slow_progress_s):
+                raise CommandRefused("the drone is not approaching its target")
+        if (
+            not first
+            and not self.offer.takeoff
+            and vehicle.target_age_s(now_s) > SAFETY.target_age_s
+        ):
+            raise CommandRefused(f"the target is older than {SAFETY.target_age_s} s")
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
-        """Raise `CommandRefused` where a takeover would not have been seen."""
-        if vehicle.mode is None or now_s - vehicle.mode.time_s > MODE_AGE_S:
+        """Raise `CommandRefused` if a takeover would not have been noticed."""
+        if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
             raise CommandRefused("the mode is older than 1 s")
-        if vehicle.position is None or now_s - vehicle.position.time_s > POSITION_AGE_S:
+        if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
             raise CommandRefused("the position is older than 0.5 s")
         if vehicle.late is not None:
             raise CommandRefused(vehicle.late)
         if self.hands is None:
             return
-        if not self.sticks_unseen and not vehicle.sees_sticks(now_s, STICKS_AGE_S):
-            raise CommandRefused(f"the sticks are older than {STICKS_AGE_S} s")
+        if not self.sticks_unseen and not vehicle.sees_sticks(now_s, SAFETY.sticks_age_s):
+            raise CommandRefused(f"the sticks are older than {SAFETY.sticks_age_s} s")
         if self.hands.unsure:
             raise CommandRefused("a switch of the remote control was moved just now")
 
     def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
-        """Note that the command of a wish was sent: from now on the vehicle must follow it."""
+        """Record a sent command, which the vehicle must follow from now on."""
         self.motion = Commanded(
             wish=wish,
             manners=vehicle.manners,
@@ -175,24 +165,24 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Say what should have been seen by now."""
-        if now_s - self.planner_s > PLANNER_LOST_S:
+        """Return what should have been reported by now and is missing."""
+        if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide is silent"
         lost = vehicle.lost(now_s)
         if lost is None and self.hands is not None:
-            unseen = not vehicle.sees_sticks(now_s, STICKS_LOST_S)
-            lost = "the sticks are not seen any more" if unseen else self.hands.sure(now_s)
+            unseen = not vehicle.sees_sticks(now_s, SAFETY.sticks_lost_s)
+            lost = "the sticks are no longer reported" if unseen else self.hands.sure(now_s)
         if lost is not None:
             return lost
         if self.motion is not None:
             return self.motion.overdue(now_s, vehicle.target_age_s(now_s))
-        if now_s - self.confirmed_s > BEGINS_WITHIN_S:
+        if now_s - self.confirmed_s > SAFETY.begins_within_s:
             late = "" if vehicle.late is None else f": {vehicle.late}"
             return f"the order was not begun within 10 s{late}"
         return None
 
     def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
-        """Say what a report shows that we did not cause; the vehicle holds it already."""
+        """Return what a report, already in `vehicle`, shows that we did not cause."""
         match seen:
             case PositionSeen():
                 return self._see_position(seen, vehicle)
@@ -204,7 +194,7 @@ class OrderWatch:
                 return self._see_sticks(seen)
             case LandedSeen():
                 return self._see_landed(seen)
-            case HomeSeen() if between_m(seen, self.home) > HOME_MOVED_M:
+            case HomeSeen() if between_m(seen, self.home) > SAFETY.home_moved_m:
                 return "home was moved"  # compared so, it cannot creep away either
         return None
 
@@ -219,13 +209,13 @@ class OrderWatch:
             if seen.mode == manners.takeoff_mode:
                 self.own_mode_seen = True
                 return None
-            if vehicle.in_own_mode and motion.top_m >= motion.highest_m - AT_TOP_M:
+            if vehicle.in_own_mode and motion.top_m >= motion.highest_m - SAFETY.takeoff_done_m:
                 return None  # it has arrived, and hovers
         elif vehicle.in_own_mode:
             self.own_mode_seen = True
             motion.in_own_mode()
             return None
-        waits = seen.time_s - motion.sent_s < MODE_CHANGES_WITHIN_S
+        waits = seen.time_s - motion.sent_s < SAFETY.mode_changes_within_s
         before = not self.own_mode_seen and seen.mode == self.offer.mode
         return None if before and waits else others
 
@@ -254,7 +244,7 @@ class OrderWatch:
         return leg.see_position(seen, vehicle.turning_deg_s)
 
     def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
-        """Whether another turns a vehicle that rests, before our first command."""
+        """True if another turns a resting vehicle before our first command."""
         return self.motion is None and self.offer.rests and self.offer.turned(seen)
 
     def _see_landed(self, seen: LandedSeen) -> str | None:
@@ -268,5 +258,5 @@ class OrderWatch:
         if self.hands is None:
             return "a remote control was switched on" if seen.channels_us else None
         if not seen.channels_us:
-            return "the sticks are not seen any more"
+            return "the sticks are no longer reported"
         return self.hands.see(seen)

@@ -1,4 +1,4 @@
-"""Orders that an operator can give, and the vehicle's state during them. Pure."""
+"""Orders of the operator, and the vehicle's state during them. Pure."""
 
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Self
@@ -13,47 +13,45 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
-OFFER_HOLDS_S = 10.0
-"""Longest time from an order's offer to its confirmation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order(Motion):
-    """A motion that was asked for, with the number by which it is confirmed."""
+    """A requested motion with the number by which it is confirmed."""
 
     order_id: int
 
     @classmethod
     def of(cls, motion: Motion, order_id: int = 0) -> Self:
-        """Number a motion; 0 for one that is only planned."""
+        """Number a motion; 0 for a preview."""
         asked = {field.name: getattr(motion, field.name) for field in fields(Motion)}
         return cls(order_id=order_id, **asked)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits(GuidanceSettings):
-    """What no order may go beyond: the drone's settings, and what is around it."""
+    """Limits of every order: the drone's settings, and its surroundings."""
 
     ground: GroundAround | None = None
-    """The ground around home; None: taken to be level."""
+    """The ground around home; None: level."""
     keep_out: tuple[KeepOut, ...] = ()
-    """People and buildings: nothing is flown over them."""
+    """Excluded areas: people and buildings."""
     stay_in: tuple[KeepOut, ...] = ()
-    """Areas that nothing leaves: the vehicle's own fence."""
+    """Areas that the drone must stay in: the vehicle's own fence."""
     link_lost_s: float = 5.0
     """Silence of the ground stations after which the link is lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleNow(VehicleSeen):
-    """What the pilot sees of the vehicle and of its own authority over it."""
+    """Vehicle state and our authority over it, as the pilot needs them."""
 
     time_s: float
     order_id: int | None
-    """Of the order that is confirmed or in command; None: out."""
+    """The confirmed or commanded order; None: out of command."""
     began: bool
-    """The first command was sent."""
+    """True once the first command was sent."""
     wind: "Wind | None" = None
-    """By the autopilot; None: not reported."""
+    """Wind by the autopilot; None: not reported."""
     energy: "EnergyModel | None" = None
-    """Power of flying, as learnt so far; None: by the limits."""
+    """Learnt power of flight; None: by the limits."""

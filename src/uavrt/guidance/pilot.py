@@ -1,7 +1,7 @@
-"""Flies an order step by step: one wish at a time, the next when the last is done. Pure.
+"""Fly an order step by step: one request at a time, the next when the last is done. Pure.
 
-It wishes; `uavrt.guidance.authority` decides. A wish that was refused is not kept: what is
-wished next follows from where the vehicle is then.
+`uavrt.guidance.authority` decides on each request. A refused request is dropped: the next one
+follows from the vehicle's state then.
 """
 
 from collections.abc import Sequence
@@ -21,29 +21,16 @@ from uavrt.guidance.plans import (
     map_fault,
     must_return,
 )
-from uavrt.guidance.progress import ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
-
-ARRIVED_M_S = 1.0
-"""Slower than this it stands."""
-SLOW_M_S = 2.0
-BEND_DEG = 30.0
-"""It goes to another place without standing first when that is no farther off its way."""
-NEAR_M = 25.0
-"""Nor when either place is nearer: there a small bend is a large one."""
-REFUSALS = 50
-"""More than these, one after the other, end the order."""
-BATTERY_S = 1.0
-"""Between two looks at what is left."""
 
 
 class Pilot:
     """Flies one order.
 
-    `plan`: its steps.
-    `waits`: further steps come by `redirect`: it waits for them, and is not done.
+    `plan`: its steps. `waits`: wait for further steps by `redirect` instead of finishing.
     """
 
     def __init__(
@@ -62,34 +49,34 @@ class Pilot:
         self._holding_s = 0.0
         self._returning = self._flies_home = False
         self.among = False
-        """Others search, too: home is flown to at its own height, and the autopilot's own way
-        home, which may climb into that of another, begins only there."""
+        """True if other drones search, too: it then flies home at its own height, because the
+        autopilot's return may climb into another's height."""
         self._asks = False
-        """Nothing but holding is right until the operator decides."""
+        """Set while the operator must decide: it then only holds."""
         self._battery_s = 0.0
         self._battery_told = False
         self._sent = self._refused_before = 0
         self._failed: str | None = None
-        """Why it is cut short."""
+        """Why the order is cut short."""
         self.ended: str | None = None
-        """Why there is nothing more to wish; None while there is."""
+        """Why the order has ended; None while it continues."""
         self.said = ""
-        """What it is doing, and why."""
+        """Description of the present action and its reason."""
 
     @property
     def progress(self) -> str:
-        """Which step of how many."""
+        """Number of the step and of all steps."""
         return f"step {min(self._number + 1, len(self._steps))} of {len(self._steps)}"
 
     @property
     def idle(self) -> bool:
-        """Whether all steps are done and it waits for more."""
+        """True if all steps are done and it waits for more."""
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Fly these steps instead of what is left of those before.
+        """Replace the remaining steps.
 
-        On its way, and not to be seen turning off it by those who watch, it stands first.
+        It stops first if a bend on its way could look like another's command.
         """
         if self._flies_home:
             return
@@ -102,26 +89,26 @@ class Pilot:
         self._wished_step = None
 
     def give_up(self, reason: str) -> None:
-        """Cut the order short: fly home, as nothing watches the battery where it hovers.
+        """Cut the order short and fly home, since the battery is not monitored while it hovers.
 
         An order that has not begun ends without a command, and so does a take-off.
         """
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
-        """Whether it is too fast to go elsewhere by a bend that is no one else's doing."""
+        """True if it is too fast to change course without looking like another's command."""
         before = self._steps[self._number]
-        if not isinstance(before, Go) or now.speed_m_s < SLOW_M_S:
+        if not isinstance(before, Go) or now.speed_m_s < SAFETY.free_speed_m_s:
             return False
         if not isinstance(step, Go):
             return True
         here = (now.latitude_deg, now.longitude_deg)
         ways = [_course_deg(here, one.place) for one in (before, step)]
-        near = min(distance_m(*here, *one.place) for one in (before, step)) < NEAR_M
-        return near or abs(wrap_degrees_180(ways[1] - ways[0])) > BEND_DEG
+        near = min(distance_m(*here, *one.place) for one in (before, step)) < SAFETY.bend_from_m
+        return near or abs(wrap_degrees_180(ways[1] - ways[0])) > SAFETY.bend_deg
 
     def next(self, now: VehicleNow) -> Wish | None:
-        """Return what is to be commanded now, if anything."""
+        """Return the motion to request now, if any."""
         if self.ended is not None:
             return None
         if now.order_id != self.order.order_id:
@@ -129,7 +116,7 @@ class Pilot:
             return None
         if now.wishes_sent > self._sent:
             self._sent, self._refused_before = now.wishes_sent, now.wishes_refused
-        if now.wishes_refused - self._refused_before > REFUSALS:
+        if now.wishes_refused - self._refused_before > SAFETY.refusals:
             self._refused_before = now.wishes_refused
             if self._returning:
                 self.ended = "the commands are refused"
@@ -150,7 +137,7 @@ class Pilot:
         return self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Get the step to command now: a return, then a hold, then the order's own."""
+        """Get the step to request now: a return, then a hold, then the order's own."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.among:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
@@ -211,19 +198,22 @@ class Pilot:
     def _done(self, step: Step, now: VehicleNow) -> bool:
         match step:
             case Turn():
-                return now.turned_deg >= abs(step.turn_deg) - LOOKS_DEG
+                return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_heading_deg
             case Home() | Ready():
                 return True
             case Climb():
-                return abs(now.altitude_relative_m - step.height_m) < AT_HEIGHT_M
+                return abs(now.altitude_relative_m - step.height_m) < SAFETY.at_height_m
         there = (
-            distance_m(now.latitude_deg, now.longitude_deg, *step.place) < ARRIVED_M
-            and now.speed_m_s < ARRIVED_M_S
-            and abs(now.altitude_relative_m - step.height_m) < AT_HEIGHT_M
+            distance_m(now.latitude_deg, now.longitude_deg, *step.place) < SAFETY.arrived_m
+            and now.speed_m_s < SAFETY.standing_speed_m_s
+            and abs(now.altitude_relative_m - step.height_m) < SAFETY.at_height_m
         )
         if there and step.yaw_deg is not None:
             yaw = now.yaw_deg
-            there = yaw is not None and abs(wrap_degrees_180(step.yaw_deg - yaw)) < LOOKS_DEG
+            there = (
+                yaw is not None
+                and abs(wrap_degrees_180(step.yaw_deg - yaw)) < SAFETY.at_heading_deg
+            )
         if not there:
             self._there_s = None
             return False
@@ -232,13 +222,13 @@ class Pilot:
         return now.time_s - self._there_s >= step.stay_s
 
     def _urgent(self, now: VehicleNow) -> Step | None:
-        """Home if the battery requires it; hold or home while no ground station is heard."""
+        """Return if the battery requires it; hold or return without a ground station."""
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
         if self._failed is not None:
             return self._home(self._failed)
-        if now.time_s >= self._battery_s + BATTERY_S:
+        if now.time_s >= self._battery_s + SAFETY.battery_s:
             self._battery_s = now.time_s
             reason = self._battery_reason(now)
             if reason is not None:
@@ -265,7 +255,7 @@ class Pilot:
         return None
 
     def _battery_reason(self, now: VehicleNow) -> str | None:
-        """Why the battery calls home: for what is left in it, or for its silence."""
+        """Why the battery requires the return: low charge, or no report."""
         if now.battery_percent is not None:
             self._battery_told = True
         elif self._battery_told and self._limits.battery_wh is not None:
@@ -273,7 +263,7 @@ class Pilot:
         return must_return(now, self._limits)
 
     def _stop_at(self, now: VehicleNow) -> Go:
-        """Where it comes to a stand on its way."""
+        """Where it comes to a stop on its way."""
         step = None if self.idle else self._steps[self._number]
         place = (now.latitude_deg, now.longitude_deg)
         if isinstance(step, Go):
@@ -282,7 +272,7 @@ class Pilot:
         return Go(place=place, height_m=min(height, self._limits.highest_m))
 
     def _over_home(self, now: VehicleNow) -> Go:
-        """Above home, at the height that it has among others."""
+        """Position above home at the height that it has among others."""
         height = self.order.height_m
         height = now.altitude_relative_m if height is None else height
         height = max(height, self._limits.lowest_m)
@@ -290,7 +280,7 @@ class Pilot:
 
     @property
     def returning(self) -> bool:
-        """Whether it flies home by its own decision, as for a low battery."""
+        """True if it flies home by its own decision, for example for a low battery."""
         return self._returning
 
     def _home(self, reason: str) -> Step:
@@ -299,7 +289,7 @@ class Pilot:
 
 
 def standing_place(now: VehicleNow, goal: Place) -> Place:
-    """Where it can come to a stand on its way, without turning round."""
+    """Where it can stop on its way without turning back."""
     here = (now.latitude_deg, now.longitude_deg)
     left = distance_m(*here, *goal)
     share = min(1.0, stops_within_m(now.speed_m_s) / max(left, 0.1))
@@ -308,6 +298,6 @@ def standing_place(now: VehicleNow, goal: Place) -> Place:
 
 
 def _course_deg(here: Place, there: Place) -> float:
-    """Direction of a short way."""
+    """Direction of a short path."""
     east = wrap_degrees_180(there[1] - here[1]) * cos(radians(here[0]))
     return degrees(atan2(east, there[0] - here[0]))

@@ -1,6 +1,6 @@
-"""Surveys and fences as files of QGroundControl. Pure.
+"""Write surveys and fences as QGroundControl files. Pure.
 
-The format of plans, version 1, its missions and fences, version 2
+Plan format, version 1, its missions and fences, version 2
 (https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html).
 """
 
@@ -16,12 +16,10 @@ _PX4, _MULTIROTOR, _ABOVE_HOME = 12, 2, 1
 
 
 def survey_file(order: Order, speed_m_s: float) -> str:
-    """Write a survey as a .plan: its ways at their height, then the return.
+    """Write a survey as a .plan: its path at the given height, then the return.
 
-    A pilot uploads and starts it, without us. What is to be kept out of becomes exclusion
-    fences.
-
-    The order is checked by `uavrt.guidance.mission.survey_items`, which raises `PlanError`.
+    A pilot uploads and starts it without us. Excluded areas become exclusion fences.
+    `uavrt.guidance.mission.survey_items` checks the order and raises `PlanError`.
     """
     items = survey_items(order)
     fences = _fences(order.keep_out, inclusion=False)
@@ -86,7 +84,7 @@ def _item(item: MissionItem, number: int) -> dict[str, Any]:
 
 
 def _fences(areas: Iterable[KeepOut], *, inclusion: bool) -> dict[str, list[dict[str, Any]]]:
-    """Circles and polygons, to stay within or outside of."""
+    """Circles and polygons, as inclusion or exclusion fences."""
     areas = tuple(areas)
     return {
         "circles": [

@@ -1,4 +1,4 @@
-"""Break an order into steps and check them before anything moves. Pure."""
+"""Split an order into steps and check them before anything moves. Pure."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ from uavrt.guidance.heights import check_height
 from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut
 from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
 from uavrt.planning.energy import Battery, EnergyModel
@@ -20,25 +21,19 @@ from uavrt.units import wrap_degrees_360
 
 _CORNERS = 36
 _FASTEST_TURN_DEG_S = 45.0
-BELOW_M = 1.0
-"""How far a gust may push a hovering drone below the least height."""
 _MOST_TURNS, _MOST_LINES = 60, 200
 _CLIMB_M_S = 1.5
-_CALM_SHARE = 0.9
-"""Of the greatest airspeed: in more wind than that nothing is flown."""
-MARGIN_M = 5.0
-"""From people and buildings, besides their outlines: gusts and bends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Go:
-    """Fly to a place."""
+    """Fly to a position."""
 
     place: Place
     height_m: float
-    """Above home."""
+    """Height above home."""
     yaw_deg: float | None = None
-    """Heading on the way, for an autopilot that takes it with the place."""
+    """Heading on the way, for an autopilot that takes it with the position."""
     stay_s: float = 0.0
 
 
@@ -57,7 +52,7 @@ class Home:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Take the mode in which a take-off is commanded."""
+    """Enter the mode in which a take-off is commanded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +60,7 @@ class Climb:
     """Take off, straight up."""
 
     height_m: float
-    """Above home."""
+    """Height above home."""
 
 
 Step = Go | Turn | Home | Ready | Climb
@@ -73,7 +68,7 @@ Step = Go | Turn | Home | Ready | Climb
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Steps, and how they are described to the operator."""
+    """Steps, and their description for the operator."""
 
     steps: tuple[Step, ...]
     summary: str
@@ -115,9 +110,9 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
 
 
 def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
-    """Refuse to stay where nothing is commanded, or where the next thing is to return.
+    """Refuse to stay if no command would be sent, or if a return is due.
 
-    Raises `PlanError`: it is beyond the fence, or battery or wind require the way home.
+    Raises `PlanError`: it is beyond the fence, or battery or wind require the return.
     """
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
@@ -154,7 +149,8 @@ def _takeoff(
 def _only_place(order: Order) -> tuple[Place, ...]:
     if len(order.places) != 1:
         raise PlanError(
-            f"{len(order.places)} places to go to", remedy="Give one latitude and longitude"
+            f"goto takes one position, got {len(order.places)}",
+            remedy="Give one latitude and longitude",
         )
     return order.places
 
@@ -164,7 +160,7 @@ def rotation(
 ) -> Plan:
     """Make the steps of a whole turn in place.
 
-    Raises `PlanError`: it is too fast or too slow, or the heading is not known.
+    Raises `PlanError`: the turn is too fast or too slow, or the heading is unknown.
     """
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, manners, height)
@@ -181,11 +177,12 @@ def rotation(
 def _turn_steps(
     place: Place, order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
 ) -> tuple[tuple[Step, ...], float]:
-    """A whole turn at a place, and how long it takes [s]."""
+    """Steps of a whole turn at a position, and its duration [s]."""
     least = 360.0 / _FASTEST_TURN_DEG_S
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
-            f"a whole turn in {order.duration_s:g} s", remedy=f"Give {least:.0f} to 600 s"
+            f"a whole turn cannot take {order.duration_s:g} s",
+            remedy=f"Give {least:.0f} to 600 s",
         )
     if now.yaw_deg is None:
         raise PlanError("the heading is not known", remedy="Wait for the compass")
@@ -206,16 +203,19 @@ def _turn_steps(
 
 
 def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
-    """Where a survey leads, in order; pages draw it before anything is asked.
+    """Positions of a survey in order, also for a preview.
 
-    Raises `PlanError`: the outline is none, or the survey has too many lines or places.
+    Raises `PlanError`: the outline is invalid, or there are too many lines or positions.
     """
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     outline = Polygon(corners=_local(plane, order.places), name="area")
     if order.pattern == "around":
         return (*order.places, order.places[0])
     if not 5.0 <= order.spacing_m <= 1000.0:
-        raise PlanError(f"lines {order.spacing_m:g} m apart", remedy="Give 5 to 1000 m")
+        raise PlanError(
+            f"the line spacing of {order.spacing_m:g} m is out of range",
+            remedy="Give 5 to 1000 m",
+        )
     lines = survey_lines(outline, order.spacing_m, most=_MOST_LINES)
     if order.pattern == "points":
         lines = _points_on(lines, order.spacing_m)
@@ -223,7 +223,7 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Places along lines, each in the middle of its share; raises `PlanError` for many."""
+    """Positions along lines, each in the middle of its share; `PlanError` for too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _MOST_TURNS:
@@ -263,14 +263,14 @@ def _survey(
 def area_of(
     order: Order, places: tuple[Place, ...], now: VehicleNow, limits: Limits
 ) -> SearchArea:
-    """What may be flown in for an outline; raises `PlanError` where it is beyond the fence."""
+    """The flyable area of an outline; raises `PlanError` if it is beyond the fence."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
         fence=_fence(limits),
         voids=voids_of(order, limits, plane),
         within=_within(limits, plane),
-        margin_m=MARGIN_M,
+        margin_m=SAFETY.margin_m,
         straight_home=True,
         lowest_m=limits.lowest_m,
         highest_m=limits.highest_m,
@@ -285,7 +285,7 @@ def area_of(
 def check_keep_out(
     order: Order, limits: Limits, plane: TangentPlane, places: tuple[Place, ...]
 ) -> None:
-    """Refuse a way over people or buildings or out of the fence, or such a way home from it.
+    """Refuse a path, or its return, that crosses an excluded area or leaves the fence.
 
     Raises `PlanError`.
     """
@@ -293,31 +293,36 @@ def check_keep_out(
     if not (voids or within):
         return
     area = SearchArea(
-        search=_fence(limits), voids=voids, within=within, margin_m=MARGIN_M, straight_home=True
+        search=_fence(limits),
+        voids=voids,
+        within=within,
+        margin_m=SAFETY.margin_m,
+        straight_home=True,
     )
     area.check_home()
     x, y = np.array(_local(plane, places)).T
     reason = area.entered(x[:1], y[:1])
     if reason is not None:
         raise PlanError(
-            f"where the drone is, a way {reason}", remedy="Fly it by hand away from there"
+            f"from the drone's position, a path {reason}",
+            remedy="Fly it away from there by hand",
         )
     reason = area.entered(x, y)
     if reason is not None:
         raise PlanError(
-            f"the way {reason}", remedy="Fly round it in several orders, or take off elsewhere"
+            f"the path {reason}", remedy="Fly round it in several orders, or take off elsewhere"
         )
 
 
 def check_map(now: VehicleNow, limits: Limits) -> None:
-    """Refuse a map of heights that is more than 15 m off at home; raises `PlanError`."""
+    """Refuse an elevation map that is more than 15 m off at home; raises `PlanError`."""
     apart = map_fault(now, limits)
     if apart is not None:
         raise PlanError(apart, remedy="Check guidance.terrain, its datum, and home")
 
 
 def map_fault(now: VehicleNow, limits: Limits) -> str | None:
-    """How far map and autopilot are apart at home, where that is too much."""
+    """Difference of map and autopilot at home, if it is too large; else None."""
     ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
     apart = None if ground is None else ground.apart_m(home_amsl_m)
     return None if apart is None else f"home is {apart:+.0f} m off the map of heights"
@@ -326,12 +331,11 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
 def check_ground(
     stations: tuple[Place, ...], now: VehicleNow, limits: Limits, height: float
 ) -> None:
-    """Refuse a way, or one home from any part of it, too near to the ground of the map.
+    """Refuse a path, or a return from any part of it, too close to the map's ground.
 
-    It may climb late and sink early: on its first part the lower of both heights counts.
-
-    Raises `PlanError`: with the height above home that it takes; or a descent where the map
-    knows nothing.
+    It may climb late and descend early, so the lower of two heights counts on the first part.
+    Raises `PlanError`: with the required height above home, or for a descent over unknown
+    ground.
     """
     ground = limits.ground
     if ground is None:
@@ -344,33 +348,34 @@ def check_ground(
         x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
         beneath = ground.above_home_m(x, y)
         flown = first if number == 0 else height
-        if np.isnan(beneath).any() and height < now.altitude_relative_m - BELOW_M:
+        if np.isnan(beneath).any() and height < now.altitude_relative_m - SAFETY.gust_below_m:
             raise PlanError(
                 "it would descend over ground that the map does not know",
                 remedy="Stay as high, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
-        if flown < needed - BELOW_M:
+        if flown < needed - SAFETY.gust_below_m:
             raise PlanError(
-                f"over its ground, or home from it, the way needs {needed:.0f} m above home",
+                f"to clear the ground, the path or its return needs {needed:.0f} m above home",
                 remedy="Climb first: `uavrt fly hold --height`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
-        if np.isfinite(low) and height - low > limits.highest_m + BELOW_M:
+        if np.isfinite(low) and height - low > limits.highest_m + SAFETY.gust_below_m:
             raise PlanError(
-                f"{height:.0f} m above home is {height - low:.0f} m above ground on the way",
-                remedy="Ask for a smaller height",
+                f"{height:.0f} m above home is {height - low:.0f} m above ground on the "
+                "path, which is too high",
+                remedy="Choose a smaller height",
             )
 
 
 def voids_of(order: Order, limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """People and buildings, in a plane."""
+    """Excluded areas in a plane."""
     return tuple(_void(one, plane) for one in (*limits.keep_out, *order.keep_out))
 
 
 def _within(limits: Limits, plane: TangentPlane) -> tuple[Circle | Polygon, ...]:
-    """Areas that nothing leaves, in a plane."""
+    """Areas to stay in, in a plane."""
     return tuple(_void(one, plane) for one in limits.stay_in)
 
 
@@ -415,8 +420,8 @@ def _way(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """A way over some places: within the fence and the battery's reach, home included."""
-    if now.altitude_relative_m < limits.lowest_m - BELOW_M:
+    """Steps over some positions, within the fence and the battery's reach, return included."""
+    if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, and would begin its way below "
             f"{limits.lowest_m:.0f} m",
@@ -438,7 +443,7 @@ def _way(
         )
     reason = area.refusal(np.append(x, 0.0), np.append(y, 0.0), height)
     if reason is not None:
-        raise PlanError(f"the way {reason}", remedy="Choose another height or place")
+        raise PlanError(f"the path {reason}", remedy="Choose another height or place")
     check_keep_out(order, limits, plane, stations)
     check_ground(stations, now, limits, height)
     length = float(np.hypot(np.diff(x), np.diff(y)).sum())
@@ -480,19 +485,18 @@ def check_battery(
     left = limits.battery_wh * now.battery_percent / 100.0
     if left < needed:
         raise PlanError(
-            f"the route, the way home and the reserve take {needed:.0f} Wh; "
-            f"{left:.0f} are left",
+            f"the route, the return and the reserve take {needed:.0f} Wh; {left:.0f} are left",
             remedy="Fly less far, or change the battery",
         )
 
 
 def reserve_wh(limits: Limits) -> float:
-    """The energy that must be left at home."""
+    """Energy that must be left at home."""
     return (limits.battery_wh or 0.0) * limits.reserve_percent / 100.0
 
 
 def multirotor_of(limits: Limits) -> Multirotor:
-    """What flies, its autopilot holding the speed over ground."""
+    """Model of the drone, whose autopilot holds the speed over ground."""
     return Multirotor(
         speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
     )
@@ -505,9 +509,9 @@ def _energy(now: VehicleNow, limits: Limits) -> EnergyModel:
 def way_home_wh(
     place_m: tuple[float, float], height_m: float, now: VehicleNow, limits: Limits
 ) -> float:
-    """The energy for the way home from a place, east and north of it.
+    """Energy of the return from a position east and north of home.
 
-    Against the reported wind, or else the worst of the limits.
+    Assumes the reported wind, or else the strongest of the limits.
     """
     state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
     home_m = (0.0, 0.0)
@@ -518,8 +522,8 @@ def way_home_wh(
 
 
 def too_windy(now: VehicleNow, limits: Limits) -> str | None:
-    """How the reported wind is nearly all that the drone can fly against; else None."""
-    if now.wind is None or now.wind.speed_m_s <= _CALM_SHARE * limits.airspeed_m_s:
+    """Describe reported wind that is close to the drone's greatest airspeed; else None."""
+    if now.wind is None or now.wind.speed_m_s <= SAFETY.calm_share * limits.airspeed_m_s:
         return None
     return (
         f"the wind is {now.wind.speed_m_s:.0f} m/s; the drone flies "
@@ -528,7 +532,7 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
-    """Why it is time to go home, whatever the order says; None while it is not."""
+    """Why the drone must return now, whatever the order; None if it need not."""
     windy = too_windy(now, limits)
     if windy is not None:
         return windy
@@ -541,4 +545,4 @@ def must_return(now: VehicleNow, limits: Limits) -> str | None:
     battery = Battery(remaining_wh=left, reserve_wh=reserve_wh(limits))
     if not battery.must_return(needed):
         return None
-    return f"{left:.0f} Wh left; the way home takes {needed:.0f} Wh"
+    return f"{left:.0f} Wh left; the return takes {needed:.0f} Wh"

@@ -1,42 +1,30 @@
-"""Notice that a step has come to rest though some of it is left. Pure.
+"""Notice that an unfinished step has come to rest. Pure.
 
 A pause of ArduCopter shows in no message: mode and target stay, the drone stands. Whatever
-stops it, a step that comes nearer in nothing of what is left for 3 s is not flown any more.
+stops it, a step without progress for 3 s is no longer flown.
 """
 
 from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 
-ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG = 3.0, 2.0, 8.0
-"""What may be left of a step that is done: place, height and heading."""
-STANDS_S = 3.0
-"""Longest time without coming nearer, also right after a command [s]. PX4 1.17 (SIH) came
-nearer 0.7 to 1.3 s after a command from a stand, up to 2.495 s after one that replaced a leg
-(104 commands)."""
-SLOW_S = 1.0
-"""After this, no further command is sent until it comes nearer again [s]."""
-BRAKES_S, BRAKES_M = 0.5, 0.1
-"""A drone whose standing place comes nearer by less in this time brakes, or stands."""
-SAMPLE_S = 0.1
-"""Between two positions [s]."""
-NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
-"""Least change in `STANDS_S` that is coming nearer; wind may slow a drone to that."""
+from uavrt.guidance.safety import SAFETY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Left:
-    """What is left to change of one quantity."""
+    """Remaining change of one quantity."""
 
     now: float
     soon: float
-    """From where the drone would stand: this comes nearer first where it must turn back."""
+    """Remaining change from the stopping point: it falls first when the drone must turn
+    back."""
     least: float
-    """Change in `STANDS_S` that counts."""
+    """Change within `SAFETY.no_progress_s` that counts as progress."""
     tolerance: float
-    """What may be left."""
+    """Tolerance at the end."""
     needed: bool = True
-    """A quantity that is not needed shows only that the step goes on."""
+    """False: the quantity need not end within the tolerance; its change only shows progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,45 +35,49 @@ class _Sample:
 
 
 class Progress:
-    """Watches one step from its command on."""
+    """Monitors one step from its command on."""
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
-        """Take what is left now: the same parts, in the same order, each time.
+        """Add the remaining changes: the same parts in the same order each time.
 
-        `free`: it has no reason to brake or to stand before the first part is nearer.
+        `free`: it need not brake or stop before the first part has decreased.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
             return
         self._samples.append(_Sample(time_s, parts, free))
-        while len(self._samples) > 1 and self._samples[1].time_s <= time_s - STANDS_S:
+        while (
+            len(self._samples) > 1 and self._samples[1].time_s <= time_s - SAFETY.no_progress_s
+        ):
             self._samples.popleft()
 
-    def stands(self, time_s: float, for_s: float = STANDS_S) -> bool:
-        """Whether something is left and nothing came nearer for so long."""
+    def stands(self, time_s: float, for_s: float = SAFETY.no_progress_s) -> bool:
+        """True if something remains and nothing has decreased for so long."""
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
-        """Whether it slows down without a reason: where it would stand comes no nearer."""
+        """True if it slows down without a reason: its stopping point comes no nearer."""
         if not self._samples or not self._samples[-1].free:
             return False
-        old = (one for one in reversed(self._samples) if one.time_s <= time_s - BRAKES_S)
+        old = (
+            one for one in reversed(self._samples) if one.time_s <= time_s - SAFETY.braking_s
+        )
         now = self._samples[-1].parts[0]
-        return any(now.soon > then.parts[0].soon - BRAKES_M for then in islice(old, 1))
+        return any(now.soon > then.parts[0].soon - SAFETY.braking_m for then in islice(old, 1))
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
-        """Whether any part that is left has come nearer, by its share of the least change."""
-        share = within_s / STANDS_S
+        """True if any remaining part has decreased, relative to its least change."""
+        share = within_s / SAFETY.no_progress_s
         now = self._samples[-1].parts
         return any(
             max(a.now - b.now, a.soon - b.soon) >= share * b.least
             for then in self._samples
-            if then.time_s >= time_s - within_s - SAMPLE_S
+            if then.time_s >= time_s - within_s - SAFETY.sample_s
             for a, b in zip(then.parts, now, strict=True)
             if a.now > a.tolerance
         )

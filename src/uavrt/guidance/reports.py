@@ -1,4 +1,4 @@
-"""The vehicle's state as it travels from the connection to the guide. Pure."""
+"""The vehicle's state as the connection sends it to the guide. Pure."""
 
 from dataclasses import fields
 
@@ -9,7 +9,7 @@ from uavrt.planning.vehicle import Wind
 
 
 def now_of(report: VehicleReport, time_s: float) -> VehicleNow | None:
-    """What a pilot needs to know; None where position or home are not known."""
+    """Vehicle state for the pilot; None without position or home."""
     seen, wind = report.seen, report.wind_m_s
     if seen is None:
         return None

@@ -1,14 +1,16 @@
-"""Decisions of a search under its order, the wind, and other drones. Pure."""
+"""Decisions of a search, within its order, the wind, and other drones' paths. Pure."""
 
 from collections.abc import Sequence
 from math import atan2, degrees, hypot
 
 import numpy as np
 
-from uavrt.guidance.neighbours import MISSING_S, SEPARATION, nearest_m, other_drones_of
+from uavrt.guidance.neighbours import SEPARATION, nearest_m, other_drones_of
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.plans import too_windy
-from uavrt.guidance.search_task import CYCLE_S, SearchTask
+from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import SearchTask
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.messages import FoundTag, Neighbour
 from uavrt.planning.actions import Action, FlyTo, Hold, Return
@@ -18,30 +20,30 @@ from uavrt.planning.situation import Decision
 from uavrt.planning.vehicle import VehicleState
 
 RADIUS50_OF_95 = 0.481
-"""Of a circle around a normal distribution: sqrt(ln 2 / ln 20)."""
+"""Ratio of the 50 % to the 95 % radius of a circular normal distribution: sqrt(ln 2 / ln
+20)."""
 ROUNDED_M = 0.5
-"""What a radius loses or gains on the wire."""
+"""Rounding error of a radius in a message."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class SearchDecisions:
-    """Decides for one search; `held` are the tags that it keeps where others search, too."""
+    """Decides for one search; `held` are the tags that this drone has taken on."""
 
     def __init__(self, task: SearchTask, search: Search) -> None:
         self._task, self._search = task, search
         self.held: tuple[int, ...] = ()
 
     def judge(self, time_s: float, others: Sequence[Neighbour]) -> list[int]:
-        """Take tags as found, here or by another drone; get the new ones.
+        """Mark tags as found, by this or another drone; return the new ones.
 
-        Another's only as well as was wished here, within the area, and while it reports a
-        search: its word may be false or of another search, and ends this one when no tag is
-        left.
+        Another drone's counts only with the accuracy set here, within the area, and while it
+        reports a search: a false report, or one of another search, could end this one.
         """
         new = []
         for one in others:
             course = one.course
-            if course is None or not course.searching or one.age_s > MISSING_S:
+            if course is None or not course.searching or one.age_s > SAFETY.missing_s:
                 continue
             for tag in course.found:
                 found = self._found_by(one.vehicle, tag, time_s)
@@ -77,7 +79,7 @@ class SearchDecisions:
     def decide(
         self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
     ) -> Decision:
-        """Decide what to fly from a state; a way that must not be flown becomes a stay."""
+        """Decide what to fly from a state; a path that must not be flown becomes a stay."""
         task, search = self._task, self._search
         drones = None
         if others:
@@ -103,12 +105,14 @@ class SearchDecisions:
             reason = _meets(decision.action, state, drones)
         if reason is None:
             return decision
-        return Decision(action=Hold(duration_s=CYCLE_S), reason=f"{decision.action} {reason}")
+        return Decision(
+            action=Hold(duration_s=SEARCH.cycle_s), reason=f"{decision.action} {reason}"
+        )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """How an action leads over people or buildings, whoever has planned it.
+        """Describe how an action crosses an excluded area, whichever planner chose it.
 
-        From where the drone is and from where it comes to a stand: it may do either first.
+        Checked from the present position and from the stopping point: either may come first.
         """
         goal = goal_of(action)
         if goal is None:
@@ -132,16 +136,16 @@ class SearchDecisions:
 
 
 def _meets(action: Action, state: VehicleState, drones: OtherDrones) -> str | None:
-    """How an action leads too near to another drone's way, whoever has planned it."""
+    """Describe how an action comes too close to another drone's path; None if it does not."""
     goal = goal_of(action)
     if goal is None:
         return None
     near = nearest_m(drones, [(state.east_m, state.north_m), goal])
     if near >= SEPARATION.distance_m:
         return None
-    return f"comes within {near:.0f} m of another drone's way"
+    return f"comes within {near:.0f} m of another drone's path"
 
 
 def goal_of(action: Action) -> tuple[float, float] | None:
-    """East and north of the place that an action flies to; None where it stays."""
+    """East and north of an action's goal; None if it stays."""
     return (action.east_m, action.north_m) if isinstance(action, FlyTo) else None

@@ -1,4 +1,4 @@
-"""Records of a search: what was decided and found, and where tags probably are. Pure."""
+"""Records of a search: decisions, findings, and likely positions of tags. Pure."""
 
 from dataclasses import replace
 from typing import Literal
@@ -13,7 +13,7 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.search import Search
 
 CELLS = 8
-"""Along each side of the area, where a tag was not found."""
+"""Cells along each side of the area, for tags that are not found."""
 MOST_CELLS = 6
 
 
@@ -35,7 +35,7 @@ class SearchNotes:
         goal_m: tuple[float, float] | None = None,
         likely: bool = False,
     ) -> SearchNote:
-        """Write a note; with squares where missing tags are `likely`."""
+        """Write a note; with the cells where missing tags are `likely`."""
         return SearchNote(
             time_ns=time_ns,
             order_id=self._task.order.order_id,
@@ -58,7 +58,7 @@ class SearchNotes:
         return replace(note, tag_id=tag_id)
 
     def all_found(self) -> tuple[FoundTag, ...]:
-        """Every tag found so far, for other drones."""
+        """Every tag found so far, for the other drones."""
         return tuple(
             FoundTag(
                 tag_id=tag_id,
@@ -87,7 +87,7 @@ class SearchNotes:
         )
 
     def _likely(self, belief: TagBelief) -> tuple[tuple[float, float, float], ...]:
-        """Squares of the area where a tag most probably is, if it is there."""
+        """The cells where a tag most probably is, if it is in the area."""
         box = belief.prior.area
         some = belief.hypotheses(4000)
         share, east, north = np.histogram2d(

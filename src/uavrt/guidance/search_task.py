@@ -1,4 +1,4 @@
-"""What a search is to find, where and with what: made once of an order, or refused. Pure."""
+"""What a search looks for, where and with what: made once from an order. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,6 +12,7 @@ from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import area_of, check_battery, multirotor_of, reserve_wh
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.messages import Tag
@@ -27,44 +28,29 @@ from uavrt.planning.stopping import HonestStop
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain.hill_losses import HillLosses
 
-CYCLE_S = 5.0
-"""Between two decisions under way."""
-KEPT_AWAY = 0.99
-"""Probability, for each way and tag, that the animals are kept away from."""
-AWAY_MARGIN = 1.4
-"""Of the distance that ways are planned with: a walking animal turns, and each of a thousand
-decisions may be the one in a hundred that was wrong."""
-TAG_HEIGHT_M = 0.5
-FEW_TAGS = 5
-PARTICLES, FEWER_PARTICLES = 10_000, 4_000
-"""Of each tag, up to `FEW_TAGS` and beyond."""
-TURN_STEP_S = 2.7
-"""From one heading to the next, by steps."""
-_CORNERS = 16
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equipment:
-    """What the drone searches with."""
+    """Antenna, detector and prior knowledge of a search."""
 
     pattern: AntennaPattern | None
-    """None: an upright monopole."""
+    """Antenna pattern; None: an upright monopole."""
     yaw_offset_deg: float = 0.0
-    """Of the boresight, clockwise from the nose."""
+    """Boresight clockwise from the nose."""
     k: int = 0
-    """Pulses of a group; 0: as each tag says."""
+    """Pulses in a group; 0: as each tag says."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
-    """The ground around home: it weakens pulses, and explains silence. None is level."""
+    """Terrain around home, which weakens pulses and explains missed ones; None: level."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Known strength and motion of some tags, by number; the others have the usual prior."""
+    """Known strength and motion of some tags, by id; others have the default prior."""
 
 
 class SearchTask:
-    """A search order, and all that does not change while it is flown.
+    """A search order and its constants.
 
-    Raises `PlanError`: its tags, outline or height cannot be.
+    Raises `PlanError`: its tags, outline or height are invalid.
     """
 
     def __init__(
@@ -85,13 +71,14 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Begin with prior beliefs; raises `PlanError` if it is outside the limits."""
+        """Begin with prior beliefs; raises `PlanError` if the drone is outside the limits."""
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
         if not (1.0 <= order.wish_m <= 1000.0 and 10.0 <= order.duration_s <= 36_000.0):
             raise PlanError(
-                f"a search to {order.wish_m:g} m in {order.duration_s:g} s",
+                f"the accuracy of {order.wish_m:g} m or the duration of "
+                f"{order.duration_s:g} s is out of range",
                 remedy="Give 1 to 1000 m, and 10 s to 10 hours",
             )
         return Search(
@@ -99,16 +86,18 @@ class SearchTask:
                 vehicle=multirotor_of(limits),
                 area=area,
                 stop=HonestStop(radius95_m=order.wish_m),
-                keep_away=KeepAway(radius_m=away, probability=KEPT_AWAY, margin=AWAY_MARGIN)
+                keep_away=KeepAway(
+                    radius_m=away, probability=SEARCH.kept_away, margin=SEARCH.away_margin
+                )
                 if away > 0.0
                 else None,
                 energy=energy_of(limits.hover_w),
                 worst_wind_m_s=limits.wind_m_s,
                 return_height_m=limits.return_height_m,
-                cycle_s=CYCLE_S,
+                cycle_s=SEARCH.cycle_s,
                 pulse_s=float(np.mean([max(tag.pulse_intervals_s) for tag in self.tags])),
                 threshold_db=10.0,
-                tag_height_m=TAG_HEIGHT_M,
+                tag_height_m=SEARCH.tag_height_m,
             ),
             self._beliefs(area.search),
             self._planner(),
@@ -116,7 +105,7 @@ class SearchTask:
         )
 
     def _beliefs(self, area: Polygon) -> Beliefs:
-        few = len(self.tags) <= FEW_TAGS
+        few = len(self.tags) <= SEARCH.few_tags
         hills, box = self.equipment.hills, area.box
         if hills is not None:
             hills = hills.at(float(np.median([tag.frequency_hz for tag in self.tags])))
@@ -132,34 +121,34 @@ class SearchTask:
                         known.get(tag.tag_id, usual), area=box, pattern=pattern, hills=hills
                     ),
                     np.random.default_rng((self.equipment.seed, 2, tag.tag_id)),
-                    particles=PARTICLES if few else FEWER_PARTICLES,
+                    particles=SEARCH.particles if few else SEARCH.fewer_particles,
                 )
                 for tag in self.tags
             )
         )
 
     def _planner(self) -> Planner:
-        """The planner of the settings; ours knows how long a turn takes here."""
+        """Make the configured planner; ours includes the duration of a turn here."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
         if self.manners.yaw_in_reposition:
-            turning += TURN_STEP_S * self.limits.headings
+            turning += SEARCH.turn_step_s * self.limits.headings
         return MiRate(rotation_s=turning)
 
     @property
     def turn_s(self) -> float:
-        """Duration of a turn: a pulse of each tag at each heading."""
+        """Duration of a turn with one pulse of each tag at each heading."""
         interval = max(max(tag.pulse_intervals_s) for tag in self.tags)
         return max(12.0, self.limits.headings * interval)
 
     def place(self, east_m: float, north_m: float) -> Place:
-        """Latitude and longitude of a place in the plane."""
+        """Latitude and longitude of a point in the plane."""
         latitude, longitude = self.plane.to_geodetic(east_m, north_m)
         return float(latitude), float(longitude)
 
     def local_m(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """East and north of a place."""
+        """East and north of a position."""
         east, north = self.plane.to_local(latitude_deg, longitude_deg)
         return float(east), float(north)
 
@@ -179,13 +168,13 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
     """The tags to search for."""
     if not listed:
         raise PlanError(
-            "no tag is being listened for", remedy="Send the tags and start detection first"
+            "no tag is being searched for", remedy="Send the tags and start detection first"
         )
     known = {tag.tag_id: tag for tag in listed}
     unknown = sorted(set(order.tags) - set(known))
     if unknown:
         raise PlanError(
-            f"tag {unknown[0]} is not being listened for",
+            f"tag {unknown[0]} is not being searched for",
             remedy=f"Choose from {', '.join(map(str, known))}",
         )
     return tuple(known[tag_id] for tag_id in (order.tags or known))
@@ -199,7 +188,7 @@ def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, 
             "the search has no area", remedy="Give an outline, or a radius of 10 m or more"
         )
     east, north = plane.to_local(now.latitude_deg, now.longitude_deg)
-    angles = [2.0 * pi * n / _CORNERS for n in range(_CORNERS)]
+    angles = [2.0 * pi * n / SEARCH.circle_corners for n in range(SEARCH.circle_corners)]
     latitude, longitude = plane.to_geodetic(
         [float(east) + radius * sin(a) for a in angles],
         [float(north) + radius * cos(a) for a in angles],

@@ -1,4 +1,4 @@
-"""Searches for tags: receives pulses, updates beliefs, decides, and reports why. Pure."""
+"""Search for tags: receive pulses, update beliefs, decide, and report reasons. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,54 +20,49 @@ from uavrt.guidance.plans import (
 )
 from uavrt.guidance.search_decisions import SearchDecisions, goal_of
 from uavrt.guidance.search_notes import SearchNotes
-from uavrt.guidance.search_task import KEPT_AWAY, TAG_HEIGHT_M, Equipment, SearchTask
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import Equipment, SearchTask
 from uavrt.messages import FoundTag, Neighbour, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
 from uavrt.planning.area import SearchArea
 from uavrt.planning.vehicle import VehicleState
 from uavrt.units import s_from_ns, wrap_degrees_360
 
-SAME_GOAL_M = 10.0
-"""A goal that moved by less is the same: it is flown to the end."""
-APPROACHED = 2.0
-"""Times as probable that an animal is near as when a stay began: it is thought over."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What came of thinking."""
+    """Result of a decision."""
 
     steps: tuple[Step, ...] | None
-    """To fly from now on; None: on as it is."""
+    """Steps to fly from now on; None: no change."""
     said: str
-    """For the operator, in a line."""
+    """One line for the operator."""
     notes: tuple[SearchNote, ...]
     way: tuple[Place, Place] | None = None
-    """Where the steps begin and end; the same where it stays."""
+    """Start and end of the steps; equal if it stays."""
     returning: bool = False
     held: tuple[int, ...] = ()
-    """Tags that it is after, where others search, too."""
+    """Tags that this drone has taken on, if others search, too."""
     found: tuple[FoundTag, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Course:
-    """What was decided last."""
+    """The last decision."""
 
     goal_m: tuple[float, float] | None = None
-    """East and north; None where it stays."""
+    """East and north; None if it stays."""
     near: float = 0.0
-    """Probability then that an animal was too near."""
+    """Probability, at the decision, that an animal was too close."""
     over: bool = False
     said: str = "searching"
 
 
 class Seeker:
-    """One search.
+    """Runs one search.
 
-    `listed`: what the detectors look for.
-    `manners`: of the autopilot.
-    Raises `PlanError`: it cannot be flown; the text says why and what to do.
+    `listed`: tags that the detectors search for. `manners`: the autopilot's. Raises
+    `PlanError`: it cannot be flown; the text has the reason and remedy.
     """
 
     def __init__(
@@ -84,7 +79,7 @@ class Seeker:
         self.check(now)
         self._ears = Ears(
             *(task.tags, task.plane),
-            tag_height_m=TAG_HEIGHT_M,
+            tag_height_m=SEARCH.tag_height_m,
             k=equipment.k,
             codes=sum(tag.coded for tag in listed),
         )
@@ -95,7 +90,7 @@ class Seeker:
         self._course = self._course_before = _Course()
 
     def check(self, now: VehicleNow) -> None:
-        """Refuse a search that cannot begin where the drone is; raises `PlanError`."""
+        """Refuse a search that cannot begin at the drone's position; raises `PlanError`."""
         task, here = self._task, ((now.latitude_deg, now.longitude_deg),)
         check_keep_out(task.order, task.limits, task.plane, here)
         check_map(now, task.limits)
@@ -106,12 +101,12 @@ class Seeker:
 
     @property
     def area(self) -> SearchArea:
-        """Where it may fly, and where not."""
+        """The area with its excluded parts."""
         return self._search.settings.area
 
     @property
     def plan(self) -> Plan:
-        """How it begins, and what the operator is asked to confirm."""
+        """Its first step and description, for the operator to confirm."""
         order, tags = self._task.order, self._task.tags
         hectares = self.area.search.area_m2 / 1e4
         sought = f"tag {tags[0].tag_id}" if len(tags) == 1 else f"{len(tags)} tags"
@@ -125,7 +120,7 @@ class Seeker:
         )
 
     def begin(self, time_ns: int, now: VehicleNow) -> Choice:
-        """Begin; the first step stays where it is, at the height of the search."""
+        """Begin with a stay at the present position and the height of the search."""
         self._begun_ns, task = time_ns, self._task
         planner = task.equipment.planner
         note = self._notes.note("begun", time_ns, 0.0, now, self.plan.summary, planner)
@@ -138,7 +133,7 @@ class Seeker:
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Take where the drone is."""
+        """Add the drone's present position."""
         if self._begun_ns is None:
             return
         east, north = self._task.here_m(now)
@@ -165,13 +160,13 @@ class Seeker:
                 self._listen(evidence)
 
     def searched(self, report: SearchReport) -> None:
-        """Take what a detector has searched."""
+        """Add a detector's search progress."""
         time_s = self._elapsed_s(report.time_ns)
         if self._begun_ns is not None and time_s >= 0.0:
             self._ears.searched(report, time_s)
 
     def _listen(self, evidence: Evidence) -> None:
-        """Take evidence; beliefs go forwards in time only, but what is late counts, too."""
+        """Update beliefs with evidence, also with late evidence."""
         tag_id = evidence.tag_id
         self._latest_s[tag_id] = max(self._latest_s.get(tag_id, 0.0), evidence.time_s)
         self._search.listen(tag_id, self._latest_s[tag_id], evidence.listening)
@@ -179,10 +174,10 @@ class Seeker:
     def think(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> Choice:
-        """Judge which tags are found, and decide where to fly.
+        """Mark found tags, and decide where to fly.
 
-        `idle`: what was decided last is done; else it is still being flown.
-        `others`: drones of the same search.
+        `idle`: the last decision is completed, not in progress. `others`: drones of the same
+        search.
         """
         for evidence in self._ears.missed():
             self._listen(evidence)
@@ -225,22 +220,22 @@ class Seeker:
         )
 
     def withdraw(self) -> None:
-        """What was decided last is not flown: it goes on as before."""
+        """Withdraw the last decision: the flight goes on as before."""
         self._course = self._course_before
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> SearchNote:
-        """Sum up, whoever has ended it."""
+        """Record the end of the search, whoever has ended it."""
         text = f"{len(self._search.found)} of {len(self._task.tags)} found"
         time_s = self._elapsed_s(time_ns)
         return self._notes.note("ended", time_ns, time_s, now, text, reason, likely=True)
 
     def _approached(self, state: VehicleState) -> bool:
-        """Whether an animal has probably come nearer than when it began to stay."""
+        """True if an animal has probably come closer since the stay began."""
         near = self._search.near(state)
-        return near > 1.0 - KEPT_AWAY and near > APPROACHED * self._course.near
+        return near > 1.0 - SEARCH.kept_away and near > SEARCH.approached * self._course.near
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
-        """What the pilot is to fly for an action, from where the drone stands first."""
+        """Steps of the pilot for an action, beginning with a stop if needed."""
         task, height = self._task, self._task.height_m
         match action:
             case FlyTo():
@@ -256,7 +251,7 @@ class Seeker:
                 return (Home(),)
 
     def _stand(self, now: VehicleNow, goal_m: tuple[float, float] | None) -> Place:
-        """Where it is, or comes to a stand on its way to a goal."""
+        """Present position, or the stopping point on the way to a goal."""
         if goal_m is None:
             return (now.latitude_deg, now.longitude_deg)
         return standing_place(now, self._task.place(*goal_m))
@@ -265,7 +260,7 @@ class Seeker:
         return 0.0 if self._begun_ns is None else s_from_ns(time_ns - self._begun_ns)
 
     def _state(self, time_s: float, now: VehicleNow, *, idle: bool) -> VehicleState:
-        """Where it can turn to something else: on its way it comes to a stand first."""
+        """State in which it can start something new: during flight, the stopping point."""
         stand = self._stand(now, None if idle else self._course.goal_m)
         east, north = self._task.local_m(*stand)
         return VehicleState(
@@ -280,4 +275,4 @@ class Seeker:
 def _is_same(goal: tuple[float, float] | None, before: tuple[float, float] | None) -> bool:
     if goal is None or before is None:
         return False
-    return hypot(goal[0] - before[0], goal[1] - before[1]) < SAME_GOAL_M
+    return hypot(goal[0] - before[0], goal[1] - before[1]) < SEARCH.same_goal_m

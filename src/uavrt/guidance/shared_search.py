@@ -1,8 +1,8 @@
-"""One drone of several: what it knows of the others, asks for, and reports of itself. Pure.
+"""One drone's part in a shared search: others' paths, requests, and its own reports. Pure.
 
-While a ground station serves several, a way is flown only after the ground has given it: it
-gives none that was chosen without knowing all ways of the others. That withholds ways and
-commands none; whoever gets no answer flies what it owns to its end, and stays there.
+While a ground station serves several drones, a path is flown only after the ground has assigned
+it, and none is assigned that was chosen without all the other paths. So a missing answer holds
+a drone back: it completes the path that it owns and stays there.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.neighbours import SEPARATION, nearest_m, strips_of
 from uavrt.guidance.orders import Place, VehicleNow
 from uavrt.guidance.pilot import standing_place
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import Course, Neighbour
 from uavrt.planning.other_drones import OtherDrones
 from uavrt.tangent_plane import TangentPlane
@@ -20,10 +21,6 @@ from uavrt.tangent_plane import TangentPlane
 if TYPE_CHECKING:
     from uavrt.guidance.seeker import Choice
 
-REPORT_AGE_S = 10.0
-"""Longest age of a report on others that counts as present."""
-ANSWER_S = 3.0
-"""Longest wait for a way that was asked for."""
 _ROUND = 0x10000
 _Tag = TypeVar("_Tag")
 
@@ -37,9 +34,9 @@ class _Asked:
 
 
 class SharedSearch:
-    """The others, as one drone knows them.
+    """The other drones, as one drone represents them.
 
-    `sequence`: of its first word; drawn at random, for a guide that restarts.
+    `sequence`: number of its first report; random, so that a restarted guide differs.
     """
 
     def __init__(self, sequence: int = 0) -> None:
@@ -49,16 +46,16 @@ class SharedSearch:
         self._asked: _Asked | None = None
         self._granted: bool | None = None
         self._given: dict[int, int] = {}
-        """Versions of others' ways that it is thinking with."""
+        """Versions of others' paths used in the decision in progress."""
         self._choice: Choice | None = None
-        """Chosen last."""
+        """The last choice."""
         self._flown = 0
         self._goal: Place | None = None
-        """None: it stays where it is."""
+        """Goal; None: it stays."""
         self._returning = False
 
     def take(self, report: Neighbour, now_s: float) -> None:
-        """Take the ground's report of another drone."""
+        """Store the ground's report of another drone."""
         self._reported_s = now_s
         asked = self._asked
         if asked is not None and asked.number in (report.granted, report.denied):
@@ -67,26 +64,26 @@ class SharedSearch:
             self._others[report.vehicle] = (report, now_s)
 
     def informed(self, now_s: float) -> bool:
-        """Whether a ground station reports others now."""
-        return self._reported_s is not None and now_s - self._reported_s < REPORT_AGE_S
+        """True if a ground station reports others at present."""
+        return self._reported_s is not None and now_s - self._reported_s < SAFETY.report_age_s
 
     def speaks(self, now_s: float) -> bool:
-        """Whether it says where it goes; asking for a way, also to a station that is new."""
+        """True if it must report its course: when requesting a path, also to a new station."""
         return self.informed(now_s) or self.waits
 
     def has_others(self, now_s: float) -> bool:
-        """Whether ways must be asked for."""
+        """True if paths must be requested."""
         return bool(self._others) or self.informed(now_s)
 
     def others(self, now_s: float) -> tuple[Neighbour, ...]:
-        """All that are known, each as old as it is by now."""
+        """All known drones, with their reports' present age."""
         return tuple(
             replace(one, age_s=one.age_s + now_s - reported_s)
             for one, reported_s in self._others.values()
         )
 
     def check(self, now: VehicleNow, height_m: float) -> None:
-        """Refuse to search too near another, or at its height; raises `PlanError`."""
+        """Refuse a search too close to another drone or at its height; raises `PlanError`."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = plane.to_local(now.latitude_deg, now.longitude_deg)
         amsl = target_amsl_m(now.altitude_amsl_m, now.altitude_relative_m, height_m)
@@ -99,7 +96,7 @@ class SharedSearch:
             off = nearest_m(drones, [place, place])
             if off < SEPARATION.distance_m:
                 raise PlanError(
-                    f"the way of vehicle {one.vehicle} is {off:.0f} m from here",
+                    f"the path of vehicle {one.vehicle} is {off:.0f} m from here",
                     remedy=f"Start {SEPARATION.distance_m:.0f} m from it or more",
                 )
             apart = abs(course.altitude_amsl_m - amsl)
@@ -110,34 +107,34 @@ class SharedSearch:
                 )
 
     def begin(self, now_s: float) -> None:
-        """Begin an order, without drones whose reports are too old."""
+        """Begin an order; drones with outdated reports are dropped."""
         self._others = {
             vehicle: (one, reported_s)
             for vehicle, (one, reported_s) in self._others.items()
-            if now_s - reported_s < REPORT_AGE_S
+            if now_s - reported_s < SAFETY.report_age_s
         }
         self._choice = None
         self.end()
 
     def end(self) -> None:
-        """It flies no way any more."""
+        """End the order: no path is owned any more."""
         self._asked = self._granted = self._goal = None
         self._returning = False
 
     def thinks(self, now_s: float) -> tuple[Neighbour, ...]:
-        """All that are known, with which the next choice is made."""
+        """All known drones for the next decision, which records their versions."""
         self._given = {vehicle: one.version for vehicle, (one, _) in self._others.items()}
         return self.others(now_s)
 
     @property
     def waits(self) -> bool:
-        """Whether a way was asked for, and nothing was decided on it."""
+        """True while a requested path is unanswered."""
         return self._asked is not None
 
     def choose(self, choice: "Choice", now: VehicleNow) -> bool:
-        """Take what was chosen; whether it is flown at once, or was asked for.
+        """Take a choice; return whether it is flown at once instead of requested.
 
-        What it owns already is flown unasked, and the way home, which its height keeps apart.
+        Paths that it owns need no request, nor does the return, which its height separates.
         """
         assert choice.way is not None
         begin, end = choice.way
@@ -152,11 +149,11 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """What was asked for, and whether it is its own and flown; None while that is open."""
+        """The requested choice, and whether it was assigned; None while unanswered."""
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
-        if self._granted is None and now.time_s - asked.asked_s < ANSWER_S:
+        if self._granted is None and now.time_s - asked.asked_s < SAFETY.answer_s:
             return None
         self._asked = None
         if not (self._granted and self._clear(now, asked.way[1])):
@@ -165,7 +162,7 @@ class SharedSearch:
         return choice, True
 
     def _clear(self, now: VehicleNow, end: Place) -> bool:
-        """Whether a way keeps the distance also from where the drone is by now."""
+        """True if a path keeps its distance also from the drone's present position."""
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = (now.latitude_deg, now.longitude_deg)
         stand = here if self._goal is None else standing_place(now, self._goal)
@@ -176,13 +173,13 @@ class SharedSearch:
         return off >= SEPARATION.distance_m
 
     def go(self, goal: Place | None, *, returning: bool = False) -> None:
-        """Fly, stay or return without asking: alone, on what it owns, or for safety."""
+        """Fly, stay or return without a request: alone, on an owned path, or for safety."""
         self._asked, self._goal, self._returning = None, goal, returning
 
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report its own way; other tags come first each time."""
+        """Report its own course; the tags in it rotate from report to report."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

@@ -1,7 +1,7 @@
-"""Ways in the texts of other programs: GeoJSON, KML, QGroundControl's plans. Pure.
+"""Read paths from GeoJSON, KML and QGroundControl's plans. Pure.
 
-QGroundControl's file: its format of plans, version 1. A way is made of its waypoints (commands
-16 to 22 of MAVLink, with a place) and of the lines of its surveys (``VisualTransectPoints``).
+QGroundControl's plan format, version 1: waypoints (MAVLink commands 16 to 22 with a position)
+and lines of surveys (``VisualTransectPoints``).
 """
 
 from collections.abc import Iterator
@@ -18,9 +18,9 @@ _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
 def way_in(text: str, name: str) -> tuple[Place, ...]:
-    """Read the way in the text of a file; nothing if it holds none.
+    """Read the path in the text of a file; empty if it holds none.
 
-    Raises `FormatError`: it is none of the three kinds of file, or its places are none.
+    Raises `FormatError`: it is none of the three formats, or its positions are invalid.
     """
     with in_words(f"{name} gives no way", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"

@@ -1,4 +1,4 @@
-"""Write the command to the autopilot that does what a pilot wishes. Pure."""
+"""Write the autopilot's command for a motion that the pilot requests. Pure."""
 
 from dataclasses import dataclass
 from math import isfinite, nan, radians
@@ -31,28 +31,28 @@ class VehicleCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandWriter:
-    """Writes commands for one autopilot, and none beyond its bounds."""
+    """Writes commands for one autopilot, within its limits."""
 
     manners: Manners
     lowest_m: float = 20.0
     highest_m: float = 120.0
-    """Heights above home beyond which nothing is commanded."""
+    """Range of commanded heights above home."""
     farthest_m: float = 1000.0
-    """The same for the distance from home."""
+    """Greatest commanded distance from home."""
 
     def command(
         self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
     ) -> VehicleCommand:
-        """Write the command of a wish; heights count from an altitude, the datum.
+        """Write the command of a request, with heights above the altitude `datum_m`.
 
-        Raises `CommandRefused`: it is beyond the bounds, or this autopilot has no such command.
+        Raises `CommandRefused`: it exceeds the limits, or the autopilot has no such command.
         """
         match wish:
             case FlyThere():
                 return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)
             case TurnInPlace():
                 if first or self.manners.yaw_in_reposition:
-                    raise CommandRefused("this autopilot cannot turn so")
+                    raise CommandRefused("this autopilot does not support this kind of turn")
                 if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
                     raise CommandRefused(f"{wish} is no turn")
                 return VehicleCommand(
@@ -66,7 +66,9 @@ class CommandWriter:
                 return VehicleCommand(name="NAV_RETURN_TO_LAUNCH")
             case TakeMode():
                 if not (first and self.manners.own_mode_first):
-                    raise CommandRefused("this autopilot takes off out of any mode")
+                    raise CommandRefused(
+                        "this autopilot needs no mode change before a take-off"
+                    )
                 return VehicleCommand(
                     name="DO_SET_MODE", param1=1.0, param2=float(self.manners.own_mode)
                 )
@@ -82,7 +84,9 @@ class CommandWriter:
             raise CommandRefused(f"{values} is no place")
         self._check_height(above_m)
         if home is None or self.farthest_m < between_m(wish, home):
-            raise CommandRefused(f"farther than {self.farthest_m:.0f} m from home")
+            raise CommandRefused(
+                f"the target is farther than {self.farthest_m:.0f} m from home"
+            )
         yaw = nan
         if wish.yaw_deg is not None and self.manners.yaw_in_reposition:
             yaw = radians(wrap_degrees_360(wish.yaw_deg))
@@ -99,7 +103,7 @@ class CommandWriter:
     def _take_off(self, wish: TakeOff, first: bool, above_m: float) -> VehicleCommand:
         """PX4 takes an altitude above mean sea level, ArduPilot a height above home."""
         if first == self.manners.own_mode_first:
-            raise CommandRefused("the mode for a take-off is not taken")
+            raise CommandRefused("the autopilot is not in its take-off mode")
         self._check_height(above_m)
         if not abs(above_m - wish.height_m) <= 1.0:
             raise CommandRefused(f"{wish} is two heights")

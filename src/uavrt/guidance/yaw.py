@@ -4,38 +4,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import atan, copysign, degrees
 
+from uavrt.guidance.safety import SAFETY
 from uavrt.units import wrap_degrees_180
 
 OTHERS_TURN = "another turns the drone"
-THERE_DEG, BEGUN_DEG = 6.0, 5.0
-NEAR_M = 0.7
-"""Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
-BESIDE_M = 1.0
-"""Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
-ALIGNED_DEG, ALIGNED_S = 12.0, 1.0
-"""Tolerance of a measured heading that has looked to its target for this long. On 68 legs of
-PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m from the
-target, and within 2.2° of itself nearer than `NEAR_M`."""
-SETTLES_DEG = 0.3
-"""A heading that changes less from report to report has come to its end."""
-FROZEN_M, STOPPED_S = 2.5, 1.0
-"""Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
-TURNS_ON_S = 6.0
-"""A turn that goes on when a command comes is stopped and made up for within this [s]."""
-ON_S = 0.3
-"""Within this time of a command, a reported setpoint may be older than the command [s]."""
-COURSE_S, FOLLOWS_DEG = 1.0, 3.0
-"""A heading on its way to a course turns by at least this angle in this time [s, deg]. After a
-new target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind its
-course."""
-EITHER_WAY_DEG = 150.0
-"""A course farther from the heading than this may be turned to in either direction."""
-COURSE_M_S = 0.5
-"""Least speed at which ArduCopter's heading follows the course: 5 % of its speed [m/s]."""
-FAST_M_S = 1.0
-"""The same nearer than `FROZEN_M`, where the drone returns from its overshoot [m/s]."""
-TURNING_DEG_S, TURNED_S = 4.0, 0.5
-"""A heading that changes slower than this, for this long, stands."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -64,14 +36,14 @@ class YawWatch:
     turning_deg_s: float = 0.0
     exact: bool = False
     turned_deg: float = 0.0
-    """In the direction asked for."""
+    """Angle turned in the requested direction."""
     _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
     _looks_since_s: float | None = None
     _aligned: bool = False
-    """The heading has looked to the target for a while: its turn is over."""
+    """Set once the heading has been aligned for a while: its turn is over."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
@@ -79,7 +51,7 @@ class YawWatch:
     """Angle by which the setpoint continued its earlier turn since the command."""
     _ended: bool = False
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """Times [s], headings and courses over ground [deg] of the last `COURSE_S`."""
+    """Times [s], headings and courses over ground [deg] in `SAFETY.course_follow_s`."""
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -89,10 +61,12 @@ class YawWatch:
 
     @property
     def begun(self) -> bool:
-        """Whether a heading that was asked for is there, or has come nearer."""
+        """True if the requested heading is reached, or has come nearer."""
         if self.wanted_deg is None:
             return True
-        return self._best_deg < max(THERE_DEG, self._first_deg - BEGUN_DEG)
+        return self._best_deg < max(
+            SAFETY.turn_done_deg, self._first_deg - SAFETY.turn_begun_deg
+        )
 
     def fault(
         self,
@@ -102,10 +76,10 @@ class YawWatch:
         away_m: float = 0.0,
         course_deg: float | None = None,
     ) -> str | None:
-        """Take a heading; say what is wrong with it.
+        """Add a heading; return its deviation, if any.
 
-        `bearing_deg`, `away_m`: to the target, from where the drone is.
-        `course_deg`: direction of its motion, if its heading follows that.
+        `bearing_deg`, `away_m`: to the target from the drone. `course_deg`: direction of
+        motion, if the heading follows it.
         """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
@@ -123,24 +97,26 @@ class YawWatch:
         if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
             self._moved_s = time_s
         self._best_deg = min(self._best_deg + moved, off)
-        frozen = self.wanted_deg is None and away_m < FROZEN_M
+        frozen = self.wanted_deg is None and away_m < SAFETY.frozen_m
         there = off <= slack + self._tolerance_deg or frozen
-        self._turns |= not there and off < self._first_deg - BEGUN_DEG
-        if time_s - self.start_s < TURNS_ON_S:
+        self._turns |= not there and off < self._first_deg - SAFETY.turn_begun_deg
+        if time_s - self.start_s < SAFETY.turn_made_up_s:
             most += self._turned_on_deg(time_s, step, off)
         follows = self._follows_course(time_s, yaw_deg, course_deg)
-        stands = time_s - self._moved_s > STOPPED_S
+        stands = time_s - self._moved_s > SAFETY.stopped_s
         if self.exact and self._turns and not there and stands and not self._turns_on:
             return OTHERS_TURN  # a setpoint that began to turn continues to its aim
         return OTHERS_TURN if off > most and not follows else None
 
     @property
     def _tolerance_deg(self) -> float:
-        return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
+        return (
+            min(SAFETY.aligned_deg, self.tolerance_deg) if self._aligned else self.tolerance_deg
+        )
 
     def _follows_course(self, time_s: float, yaw_deg: float, course_deg: float | None) -> bool:
-        """Whether the heading turns from where it was to where the drone moved then."""
-        while self._courses and self._courses[0][0] < time_s - COURSE_S:
+        """True if the heading turns from its old direction towards the recent course."""
+        while self._courses and self._courses[0][0] < time_s - SAFETY.course_follow_s:
             self._courses.popleft()
         follows = any(
             _turns_to(course, yaw_deg, before_deg, self._tolerance_deg)
@@ -151,19 +127,19 @@ class YawWatch:
         return follows
 
     def _align(self, time_s: float, off_deg: float) -> None:
-        """Note since when a measured heading looks to the target."""
+        """Record since when a measured heading is aligned with the target."""
         if self.exact or self._near or self._aligned:
             return
-        if off_deg > THERE_DEG:
+        if off_deg > SAFETY.turn_done_deg:
             self._looks_since_s = None
         elif self._looks_since_s is None:
             self._looks_since_s = time_s
         else:
-            self._aligned = time_s - self._looks_since_s >= ALIGNED_S
+            self._aligned = time_s - self._looks_since_s >= SAFETY.aligned_s
 
     @property
     def _turns_on(self) -> bool:
-        """Whether the setpoint is still ending the turn that was under way at the command."""
+        """True while the setpoint is finishing the turn in progress at the command."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
@@ -179,7 +155,7 @@ class YawWatch:
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         self._on_deg += abs(step_deg)
         on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
-        stands = on_deg < SETTLES_DEG and time_s - self.start_s > ON_S
+        stands = on_deg < SAFETY.settled_deg and time_s - self.start_s > SAFETY.report_delay_s
         self._ended = on_deg < 0.0 or stands or self._on_deg > longest
         if self._ended:
             self._turns, self._moved_s = True, time_s
@@ -189,14 +165,17 @@ class YawWatch:
     def _aim(
         self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
-        """Where it is to look, and how uncertain that is [deg]."""
+        """Expected heading and its uncertainty [deg]."""
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
-        was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
+        was_near, self._near = (
+            self._near,
+            bearing_deg is None or away_m < SAFETY.heading_stays_m,
+        )
         if not self._near and bearing_deg is not None:
-            return bearing_deg, degrees(atan(BESIDE_M / away_m))
+            return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
         # A turn that is not over yet comes to its end first.
-        settles = not was_near or (self._settles and abs(step_deg) > SETTLES_DEG)
+        settles = not was_near or (self._settles and abs(step_deg) > SAFETY.settled_deg)
         self._settles = settles and not self._aligned
         if not was_near and self._aligned:
             return yaw_deg, 0.0
@@ -205,7 +184,7 @@ class YawWatch:
         return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Neither back nor too fast."""
+        """Check a turn: not backwards, and not too fast."""
         assert self.turn_deg is not None
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
         self._best_deg = max(self._best_deg, self.turned_deg)
@@ -216,18 +195,18 @@ class YawWatch:
 
 
 def _turns_to(goal_deg: float, yaw_deg: float, before_deg: float, tolerance_deg: float) -> bool:
-    """Whether a heading has turned from an earlier one towards a goal, and not far beyond."""
+    """True if a heading has turned towards a goal and not far beyond."""
     left = wrap_degrees_180(goal_deg - before_deg)
     turned = wrap_degrees_180(yaw_deg - before_deg)
     towards = turned if left >= 0.0 else -turned
-    if abs(left) > EITHER_WAY_DEG:
+    if abs(left) > SAFETY.either_way_deg:
         towards = abs(turned)
-    return FOLLOWS_DEG <= towards <= abs(left) + tolerance_deg
+    return SAFETY.course_follow_deg <= towards <= abs(left) + tolerance_deg
 
 
 def _turns_on_deg(turning_deg_s: float) -> float:
-    """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
-    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+    """Angle by which a turn may continue; 25° and 50° were flown, maybe accelerating."""
+    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
@@ -235,31 +214,31 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 
     It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
     """
-    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > SAFETY.turning_deg_s else 0.0
 
 
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
-    """Heading of a drone that stands by no order of ours.
+    """Heading of a drone that rests without an order of ours.
 
-    A turn that was going on may come to its end, and be made up for as after a command. Times
-    are those of the autopilot since its start: after a stall of our process reports come late.
+    A turn in progress may finish and be reversed as after a command. Times are the autopilot's
+    since its start: after a stall of our process reports are processed late.
     """
 
     start_boot_s: float
     yaw_deg: float
-    """Where it is, or the end of the turn so far."""
+    """Present heading, or the end of the turn so far."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0
 
     def turned(self, boot_s: float, yaw_deg: float) -> bool:
-        """Take a heading; whether another has turned the drone."""
+        """Add a heading; return whether another has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
-        if abs(self.turning_deg_s) > TURNING_DEG_S:
+        if abs(self.turning_deg_s) > SAFETY.turning_deg_s:
             since_s = max(self._moved_boot_s, self.start_boot_s)
-            if step * self.turning_deg_s > 0.0 and boot_s - since_s < TURNED_S:
+            if step * self.turning_deg_s > 0.0 and boot_s - since_s < SAFETY.turned_s:
                 self.yaw_deg, self._moved_boot_s, step = yaw_deg, boot_s, 0.0
-        turns_on = boot_s - max(self._moved_boot_s, self.start_boot_s) < TURNS_ON_S
+        turns_on = boot_s - max(self._moved_boot_s, self.start_boot_s) < SAFETY.turn_made_up_s
         most = self.tolerance_deg + turns_on * _turns_on_deg(self.turning_deg_s)
         return abs(step) > most

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from uavrt.columns import joined_rows
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.places import distinct
 from uavrt.integration.whole_flight import (
     FoldedTrain,
-    Peaks,
     Weights,
     chance,
     intervals_searched,
@@ -109,7 +109,7 @@ def search_drifting(
             found.append(cells)
             drifts.append(np.full(len(cells.score), drift))
             logs.append(log_tail(cells, few, coarse))
-        every, drift_of, log = Peaks.joined(found), np.concatenate(drifts), np.concatenate(logs)
+        every, drift_of, log = joined_rows(found), np.concatenate(drifts), np.concatenate(logs)
         for at in np.argsort(log, kind="stable")[:_REFINED].tolist():
             start = replace(
                 best,

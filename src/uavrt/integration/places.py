@@ -74,25 +74,29 @@ class Track:
         if self.hills is not None:
             seen = self.hills.seen_from(self.east_m, self.north_m, self.height_m)
             lost_db, rise = seen(east_m, north_m), self.hills.rise_m(east_m, north_m)
+        # A contiguous row for each axis and component: these sums take most of a search.
+        axes = np.ascontiguousarray(np.moveaxis(self.axes, 0, 2))
         for place, (east, north) in enumerate(zip(east_m, north_m, strict=True)):
-            towards = np.stack(
-                (north - self.north_m, east - self.east_m, self.height_m - rise[place]), axis=1
-            )
-            distance = np.maximum(np.linalg.norm(towards, axis=1), 1.0)
-            towards /= distance[:, np.newaxis]
-            gain_db[place] = self._towards_db(towards)
+            ahead, aside = north - self.north_m, east - self.east_m
+            under = self.height_m - rise[place]
+            distance = np.maximum(np.sqrt(ahead**2 + aside**2 + under**2), 1.0)
+            towards = ahead / distance, aside / distance, under / distance
+            gain_db[place] = self._towards_db(axes, *towards)
             gain_db[place] -= 10.0 * EXPONENT * np.log10(distance)
             if self.hills is not None:
                 gain_db[place] -= lost_db[place]
         return gain_db
 
-    def _towards_db(self, towards: _Floats) -> _Floats:
-        """Gain in directions (times, 3): north, east, down, of length 1."""
+    def _towards_db(
+        self, axes: _Floats, north: _Floats, east: _Floats, down: _Floats
+    ) -> _Floats:
+        """Gain in directions of length 1, (times,) each; `axes`: shape (3, 3, times)."""
         if self.pattern.name == MONOPOLE:
             # It stays upright however the drone leans, and receives nothing from below.
-            return monopole_gain_db(np.degrees(np.arcsin(np.clip(towards[:, 2], -1.0, 1.0))))
-        forward, right, down = np.einsum("tij,tj->it", self.axes, towards)
-        return self.pattern.gain_towards_db(forward, right, down)
+            return monopole_gain_db(np.degrees(np.arcsin(np.clip(down, -1.0, 1.0))))
+        return self.pattern.gain_towards_db(
+            *(axis[0] * north + axis[1] * east + axis[2] * down for axis in axes)
+        )
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
         """Path length to places, (places, parts), 10 dB for each factor of ten.

@@ -141,11 +141,7 @@ class _Search:
 def search_together(
     flights: Sequence[Listened], tag: Tag, *, moves: bool = False
 ) -> JointTrain:
-    """Find the likeliest tag of several flights.
-
-    `flights`: two or more, with as many frequencies each; of a resting tag with the same
-    places. `moves`: the tag may be elsewhere in each flight.
-    """
+    """Find the likeliest tag of several flights, resting or, with `moves`, in other places."""
     weights, patterns = _weights(flights, tag, moves=moves)
     found = [
         _likeliest(_search(flights, weights, between_s, rate), tag, patterns, moves=moves)

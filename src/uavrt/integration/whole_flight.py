@@ -10,12 +10,13 @@ noise without jitter (docs/explanation/whole-flight.md).
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.folding import (
     base_periods,
@@ -186,17 +187,6 @@ class Peaks:
     """[slots]."""
     score: _Floats
 
-    @classmethod
-    def joined(cls, parts: "Sequence[Peaks]") -> "Peaks":
-        """All of several searches."""
-        return cls(
-            place=np.concatenate([one.place for one in parts]),
-            row=np.concatenate([one.row for one in parts]),
-            interval=np.concatenate([one.interval for one in parts]),
-            phase=np.concatenate([one.phase for one in parts]),
-            score=np.concatenate([one.score for one in parts]),
-        )
-
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
     """Extent of the weights over the flight, 1 if they are even; mean over places."""
@@ -264,7 +254,7 @@ def peaks(
                 score=score.astype(np.float64),
             )
         )
-    return Peaks.joined(found)
+    return joined_rows(found)
 
 
 def scores(
@@ -462,13 +452,8 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
     score *= scale[:, np.newaxis]
     skewness = weights.skewness[found.row[chosen]] * scale[:, np.newaxis]
     place = np.asarray(stats.pearson3.logsf(score, skewness)).argmin(axis=1)
-    return Peaks(
-        place=place,
-        row=found.row[chosen],
-        interval=found.interval[chosen],
-        phase=found.phase[chosen],
-        score=score[every, place].astype(np.float64),
-    )
+    those = chosen_rows(found, chosen)
+    return replace(those, place=place, score=score[every, place].astype(np.float64))
 
 
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:

@@ -29,7 +29,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from uavrt.errors import FormatError, LinkError
+from uavrt.errors import FormatError, LinkError, os_errors_as
 from uavrt.messages import DetectionStatus, Pulse, SearchReport
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
@@ -119,12 +119,8 @@ class PulseDatagramSender:
     """
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
-        try:
+        with os_errors_as(LinkError, f"no address {host}", remedy="Check the name"):
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        except OSError as error:
-            raise LinkError(
-                f"no address {host}: {error.strerror}", remedy="Check the name"
-            ) from error
         self._place = found[4]
         self._socket = socket.socket(found[0], socket.SOCK_DGRAM)
         self._socket.setblocking(False)

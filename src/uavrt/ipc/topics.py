@@ -6,7 +6,7 @@ table of processes (`uavrt.supervisor.tree.table`).
 A record travels as one line, ``topic TAB json NEWLINE``.
 """
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 import msgspec
@@ -16,13 +16,14 @@ from uavrt.config.settings import Settings
 from uavrt.ipc.assignment import Assignment
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Topic:
     """One row of the table."""
 
     name: str
     record: type
     meaning: str
+    _: KW_ONLY
     newest: int | None = None
     """Number of newest records kept for a slow or restarting consumer; None: all. Older ones
     are dropped and counted."""
@@ -36,151 +37,109 @@ class Topic:
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
+        Topic("assignment", Assignment, "what a starting process is to do; its first record"),
+        Topic("pulse", messages.Pulse, "a pulse that a detector found"),
         Topic(
-            name="assignment",
-            record=Assignment,
-            meaning="what a starting process is to do; its first record",
-        ),
-        Topic(name="pulse", record=messages.Pulse, meaning="a pulse that a detector found"),
-        Topic(
-            name="search_report",
-            record=messages.SearchReport,
-            meaning="searched, nothing found, with the noise floor",
+            "search_report",
+            messages.SearchReport,
+            "searched, nothing found, with the noise floor",
             newest=200,
             every_s=1.0,
             each_tag=True,
         ),
         Topic(
-            name="pulse_pose",
-            record=messages.PulsePose,
-            meaning="a pulse with the antenna's pose, or the word that there is none",
+            "pulse_pose",
+            messages.PulsePose,
+            "a pulse with the antenna's pose, or the word that there is none",
+        ),
+        Topic("recorded", messages.Recorded, "which of them are safe on disk"),
+        Topic(
+            "taken",
+            messages.Taken,
+            "how many records are dealt with for good; the rest would be sent again",
         ),
         Topic(
-            name="recorded", record=messages.Recorded, meaning="which of them are safe on disk"
-        ),
-        Topic(
-            name="taken",
-            record=messages.Taken,
-            meaning="how many records are dealt with for good; the rest would be sent again",
-        ),
-        Topic(
-            name="bearing",
-            record=messages.LiveBearing,
-            meaning="a bearing estimated on the drone, where its table has the estimator",
+            "bearing",
+            messages.LiveBearing,
+            "a bearing estimated on the drone, where its table has the estimator",
             newest=50,
         ),
         Topic(
-            name="beep",
-            record=messages.Beep,
-            meaning="a sender of pulses that was found without knowing any tag",
+            "beep",
+            messages.Beep,
+            "a sender of pulses that was found without knowing any tag",
             newest=100,
         ),
         Topic(
-            name="delivered",
-            record=messages.Delivered,
-            meaning="pulses that reached a ground station, never to be sent again",
+            "delivered",
+            messages.Delivered,
+            "pulses that reached a ground station, never to be sent again",
         ),
         Topic(
-            name="poses",
-            record=messages.Poses,
-            meaning="raw poses of the vehicle, batched",
+            "poses",
+            messages.Poses,
+            "raw poses of the vehicle, batched",
             newest=600,
             every_s=0.5,
         ),
-        Topic(name="flight", record=messages.FlightInfo, meaning="a flight has started"),
+        Topic("flight", messages.FlightInfo, "a flight has started"),
         Topic(
-            name="corrected_tags",
-            record=messages.FlightInfo,
-            meaning="the flight goes on with other values of its tags",
+            "corrected_tags",
+            messages.FlightInfo,
+            "the flight goes on with other values of its tags",
         ),
         Topic(
-            name="flight_end",
-            record=messages.FlightInfo,
-            meaning="the flight has ended and all its pulses are on their way",
+            "flight_end",
+            messages.FlightInfo,
+            "the flight has ended and all its pulses are on their way",
         ),
+        Topic("motion", messages.MotionRequest, "a motion that an operator asks for", newest=1),
         Topic(
-            name="motion",
-            record=messages.MotionRequest,
-            meaning="a motion that an operator asks for",
+            "motion_offer",
+            messages.MotionOffer,
+            "what would be flown, for the operator to confirm",
             newest=1,
         ),
         Topic(
-            name="motion_offer",
-            record=messages.MotionOffer,
-            meaning="what would be flown, for the operator to confirm",
-            newest=1,
-        ),
-        Topic(
-            name="vehicle",
-            record=messages.VehicleReport,
-            meaning="the vehicle and our say over it",
+            "vehicle",
+            messages.VehicleReport,
+            "the vehicle and our say over it",
             newest=1,
             every_s=0.1,
         ),
+        Topic("vehicle_fence", messages.VehicleFence, "the autopilot's own fence", newest=1),
+        Topic("wish", messages.VehicleWish, "what the guide wishes of the vehicle", newest=4),
         Topic(
-            name="vehicle_fence",
-            record=messages.VehicleFence,
-            meaning="the autopilot's own fence",
-            newest=1,
+            "course", messages.Course, "where the drone is going, for others that fly", newest=2
         ),
         Topic(
-            name="wish",
-            record=messages.VehicleWish,
-            meaning="what the guide wishes of the vehicle",
-            newest=4,
-        ),
-        Topic(
-            name="course",
-            record=messages.Course,
-            meaning="where the drone is going, for others that fly",
-            newest=2,
-        ),
-        Topic(
-            name="neighbour",
-            record=messages.Neighbour,
-            meaning="another drone's state, from the ground station",
+            "neighbour",
+            messages.Neighbour,
+            "another drone's state, from the ground station",
             newest=32,
         ),
         Topic(
-            name="search_note",
-            record=messages.SearchNote,
-            meaning="what a search has decided or found, and why",
+            "search_note",
+            messages.SearchNote,
+            "what a search has decided or found, and why",
             newest=200,
         ),
-        Topic(name="command", record=messages.Command, meaning="what an operator asks"),
+        Topic("command", messages.Command, "what an operator asks"),
+        Topic("command_reply", messages.CommandReply, "the supervisor's answer"),
         Topic(
-            name="command_reply",
-            record=messages.CommandReply,
-            meaning="the supervisor's answer",
+            "operation",
+            messages.Operation,
+            "how far something is that takes longer than its command",
+        ),
+        Topic("settings", Settings, "the settings after an operator has changed one", newest=1),
+        Topic("status_text", messages.StatusText, "a short text for the operator", newest=100),
+        Topic(
+            "health", messages.Health, "what a process says of itself", newest=100, every_s=1.0
         ),
         Topic(
-            name="operation",
-            record=messages.Operation,
-            meaning="how far something is that takes longer than its command",
-        ),
-        Topic(
-            name="settings",
-            record=Settings,
-            meaning="the settings after an operator has changed one",
-            newest=1,
-        ),
-        Topic(
-            name="status_text",
-            record=messages.StatusText,
-            meaning="a short text for the operator",
-            newest=100,
-        ),
-        Topic(
-            name="health",
-            record=messages.Health,
-            meaning="what a process says of itself",
-            newest=100,
-            every_s=1.0,
-        ),
-        Topic(
-            name="system_status",
-            record=messages.SystemStatus,
-            meaning="the state of the drone side",
+            "system_status",
+            messages.SystemStatus,
+            "the state of the drone side",
             newest=2,
             every_s=1.0,
         ),

@@ -66,19 +66,24 @@ class AntennaPattern:
             Components of the unit vector from the antenna to the source.
         """
         off = np.degrees(np.arccos(np.clip(forward, -1.0, 1.0)))
-        e_plane = _looked_up(self.e_plane_db, off)
+        e_plane = _between(self.e_plane_db, off)
         if self.h_plane_db is None:
             return e_plane
         across = right**2 + down**2
         share = np.divide(right**2, across, out=np.ones_like(across), where=across > 1e-12)
-        return share * e_plane + (1.0 - share) * _looked_up(self.h_plane_db, off)
+        return share * e_plane + (1.0 - share) * _between(self.h_plane_db, off)
 
 
 def _looked_up(table_db: Sequence[float], angle_deg: ArrayLike) -> NDArray[np.float64]:
     """Linear interpolation in a mirrored 0–180° table of uniform steps."""
-    folded = np.abs(np.remainder(np.asarray(angle_deg, np.float64) + 180.0, 360.0) - 180.0)
+    turned = np.asarray(angle_deg, np.float64) + 180.0
+    return _between(table_db, np.abs(np.remainder(turned, 360.0) - 180.0))
+
+
+def _between(table_db: Sequence[float], angle_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Linear interpolation of angles from 0 to 180° in a table of uniform steps."""
     table = np.asarray(table_db, np.float64)
-    place = folded * ((len(table) - 1) / 180.0)
+    place = angle_deg * ((len(table) - 1) / 180.0)
     below = np.minimum(place.astype(np.intp), len(table) - 2)
     part = place - below
     return np.asarray(table[below] * (1.0 - part) + table[below + 1] * part)

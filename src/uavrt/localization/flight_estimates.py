@@ -293,10 +293,7 @@ def _bearing_of(
     pattern: AntennaPattern,
     method: BearingMethod | str,
 ) -> TagBearing:
-    """Estimate the bearing of a tag from its pulses in a turn.
-
-    Raises `UsageError`: the method cannot use these pulses, or is unknown.
-    """
+    """Estimate the bearing of a tag from its pulses in a turn; raises `UsageError`."""
     half = np.radians(missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
@@ -631,10 +628,7 @@ def _placed(
 def _stations(
     bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
 ) -> Stations:
-    """Put a tag's bearings, in order of time, into columns.
-
-    Raises `UsageError`: none of them has a direction.
-    """
+    """Put a tag's bearings, in order of time, into columns; raises `UsageError` without any."""
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
         raise UsageError(
@@ -687,10 +681,7 @@ def _position_of(
 def survey(
     heard: Heard, how: ReadAs, over: OverGround | None = None, cache: Cache | None = None
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
-    """Positions from strength alone, heard with an upright monopole, and their tracks.
-
-    Raises `UsageError`: the method needs bearings.
-    """
+    """Positions and tracks from strength alone; raises `UsageError` if bearings are needed."""
     cache = cache or Cache()
     if how.method not in ("bayes", "track"):
         raise UsageError(

@@ -1,11 +1,12 @@
 """Columns of pulses and poses: input of the estimates, from a flight, a log or live data."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.errors import UsageError
 from uavrt.localization.bearing.turns import CLIMB_M
 from uavrt.localization.headings import Headings
@@ -78,34 +79,15 @@ class PoseColumns:
         one pose for each time.
         """
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
-        time_ns = np.concatenate([self.time_ns, others.time_ns[alone]])
-        _, kept = np.unique(time_ns, return_index=True)
-
-        def joined(own: _Floats, theirs: _Floats) -> _Floats:
-            return np.asarray(np.concatenate([own, theirs[alone]])[kept])
-
-        return PoseColumns(
-            time_ns=time_ns[kept],
-            latitude_deg=joined(self.latitude_deg, others.latitude_deg),
-            longitude_deg=joined(self.longitude_deg, others.longitude_deg),
-            height_m=joined(self.height_m, others.height_m),
-            quaternion_wxyz=joined(self.quaternion_wxyz, others.quaternion_wxyz),
-            altitude_amsl_m=joined(self.amsl_m, others.amsl_m),
-            on_ground_ns=self.on_ground_ns + others.on_ground_ns,
-        )
+        parts = (self, others.chosen(alone))
+        both = joined_rows([replace(one, altitude_amsl_m=one.amsl_m) for one in parts])
+        _, kept = np.unique(both.time_ns, return_index=True)
+        on_ground_ns = self.on_ground_ns + others.on_ground_ns
+        return replace(both.chosen(kept), on_ground_ns=on_ground_ns)
 
     def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> "PoseColumns":
         """Some of the poses."""
-        amsl_m = self.altitude_amsl_m
-        return PoseColumns(
-            time_ns=self.time_ns[which],
-            latitude_deg=self.latitude_deg[which],
-            longitude_deg=self.longitude_deg[which],
-            height_m=self.height_m[which],
-            quaternion_wxyz=self.quaternion_wxyz[which],
-            altitude_amsl_m=None if amsl_m is None else amsl_m[which],
-            on_ground_ns=self.on_ground_ns,
-        )
+        return chosen_rows(self, which)
 
     @property
     def amsl_m(self) -> _Floats:
@@ -191,18 +173,11 @@ class PulseColumns:
 
     def chosen(self, which: NDArray[np.intp] | slice) -> "PulseColumns":
         """Some of the pulses."""
-        return PulseColumns(
-            **{one.name: getattr(self, one.name)[which] for one in fields(self)}
-        )
+        return chosen_rows(self, which)
 
     def and_those(self, others: "PulseColumns") -> "PulseColumns":
         """These and others, in order of time."""
-        both = PulseColumns(
-            **{
-                one.name: np.concatenate([getattr(self, one.name), getattr(others, one.name)])
-                for one in fields(self)
-            }
-        )
+        both = joined_rows([self, others])
         return both.chosen(np.argsort(both.time_ns, kind="stable"))
 
     @property
@@ -266,7 +241,6 @@ class OverGround:
 
         Heights of a flight count from its take-off, assumed beneath the first pose. A caller
         can cache the ground by a `lay` that returns that of the last call.
-
         Raises `FormatError`: a file of heights is damaged.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
@@ -472,10 +446,7 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> OverGround | None:
-        """Ground under the flight, with losses at the median frequency of the pulses.
-
-        Raises `FormatError`: a file of heights is damaged.
-        """
+        """Ground under the flight, for the pulses' median frequency; raises `FormatError`."""
         over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)

@@ -220,10 +220,7 @@ class Component:
         )
 
     def late_s(self, message: Message, arrived_ns: int) -> float | None:
-        """Delay of a message of the autopilot [s], by TIMESYNC.
-
-        None if it has no time, or the autopilot's clock is unknown.
-        """
+        """Delay of an autopilot's message by TIMESYNC [s]; None without its time or clock."""
         boot_ms = getattr(message, "time_boot_ms", None)
         if boot_ms is None or not self.time_sync.synchronized:
             return None

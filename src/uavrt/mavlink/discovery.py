@@ -49,10 +49,7 @@ EVERYONE = Peer(0, 0)
 
 
 def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
-    """Make the heartbeat of one of our ground stations.
-
-    `as_gcs`: of type GCS, as the original's drone side requires.
-    """
+    """Make the heartbeat of one of our ground stations, of type GCS if requested."""
     if as_gcs:
         return own_heartbeat(MavType.GCS)
     return own_heartbeat(MavType.GENERIC, custom_mode=_STATION_MARK)

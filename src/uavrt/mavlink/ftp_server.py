@@ -129,10 +129,7 @@ class Crc:
 
 
 class FileServer:
-    """Serves a `FileTree`; a source of the paced queue.
-
-    `wake`: called when there is a new reply to send. `disk`: runs disk work; inline by default.
-    """
+    """Serves a `FileTree` to the paced queue, which `wake` reports; `disk` runs disk work."""
 
     def __init__(
         self, tree: FileTree, wake: Callable[[], None] = lambda: None, disk: Disk = at_once

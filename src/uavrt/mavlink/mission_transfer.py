@@ -221,10 +221,7 @@ class MissionUpload(MissionTransfer):
 
 
 class MissionDownload(MissionTransfer):
-    """Requests all items.
-
-    `items`: those that have come.
-    """
+    """Requests all items; `items` are those that have come."""
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
         super().__init__(kind, vehicle, own)

@@ -14,6 +14,7 @@ from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.parameters import decode_value, encode_value
 from uavrt.mavlink.transport import open_link
+from uavrt.mavlink.waiting import within
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
@@ -50,15 +51,12 @@ class ParameterClient:
         client._link = await open_link(address, client._receive)
         beating = asyncio.create_task(client._beat())
         try:
-            try:
-                async with asyncio.timeout(timeout_s):
-                    await client._there.wait()
-            except TimeoutError:
+            if not await within(timeout_s, client._there.wait()):
                 raise LinkError(
-                    f"no autopilot was heard at {address} in {timeout_s:.0f} s",
+                    f"no autopilot was received at {address} in {timeout_s:.0f} s",
                     remedy="Check wiring and baud rate; USB always works: "
                     "--mavlink serial:///dev/ttyACM0:57600",
-                ) from None
+                )
             yield client
         finally:
             beating.cancel()
@@ -104,16 +102,11 @@ class ParameterClient:
             param_type=kind,
         )
         for _ in range(TRIES):
-            future: asyncio.Future[float] = asyncio.get_running_loop().create_future()
-            self._waiting = (name, future)
+            answer: asyncio.Future[float] = asyncio.get_running_loop().create_future()
+            self._waiting = (name, answer)
             self._send(request)
-            try:
-                async with asyncio.timeout(ANSWER_S):
-                    return await future
-            except TimeoutError:
-                continue
-            finally:
-                self._waiting = None
+            if (value_now := await within(ANSWER_S, answer)) is not None:
+                return value_now
         return None
 
     async def _beat(self) -> None:

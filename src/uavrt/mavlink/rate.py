@@ -58,10 +58,7 @@ STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0
 
 
 class LinkRate:
-    """Token bucket with a rate that adapts.
-
-    `reach`: kind of link; a telemetry radio by default.
-    """
+    """Token bucket with a rate that adapts to the kind of link (`reach`)."""
 
     def __init__(self, reach: Reach = RADIO) -> None:
         self._reach = reach

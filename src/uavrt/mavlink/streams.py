@@ -27,10 +27,7 @@ class _Stream:
 
 
 class StreamRequests:
-    """Requested messages, their rates, and the state of each request.
-
-    `rates_hz`: rate for each message id.
-    """
+    """Requested messages, their rates by message id, and the state of each request."""
 
     def __init__(self, rates_hz: dict[int, float]) -> None:
         self._streams = {

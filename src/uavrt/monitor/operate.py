@@ -41,10 +41,7 @@ def start_detection(
 
 
 def stop_detection(reader: StatusReader) -> str:
-    """Stop detecting; get the flight's directory.
-
-    Raises `CommandRefused` in the wrong state, `UavrtError` without an answer.
-    """
+    """Stop detecting; get the flight's directory. Raises `CommandRefused` or `UavrtError`."""
     return _ask(reader, "stop_detection", 1)
 
 

@@ -6,11 +6,7 @@ from rich.table import Table
 
 
 def table_of(*titles: str, left: tuple[str, ...] = ("tag", "name"), **style: Any) -> Table:
-    """Make a table without rows.
-
-    `left`: titles of columns of words; numbers stand at the right.
-    `style`: what else `rich.table.Table` takes.
-    """
+    """Make a table without rows; titles in `left` are of words, at the left."""
     table = Table(**style)
     for title in titles:
         table.add_column(title, justify="left" if title in left else "right")

@@ -1,8 +1,9 @@
 """Where to fly next to find tagged animals; no I/O.
 
 `beliefs` hold where a tag may be, `vehicle` and `energy` what the drone can reach, `area` where
-it may fly. `search` asks one of the `planners` for the next way; `stopping` says when a tag is
-found, `division` and `shares` share an area among drones, `coverage` what was heard of it.
+it may fly. `search` asks one of the `planners` for the next path; `stopping` decides when a tag
+is found, `division` and `shares` divide an area among drones, `coverage` computes where a tag
+would have been detected.
 """
 
 from typing import TYPE_CHECKING

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlyTo:
-    """Fly straight to a place, in the tracker's plane."""
+    """Fly straight to a position in the tracker's plane."""
 
     east_m: float
     north_m: float
@@ -16,7 +16,7 @@ class FlyTo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rotate:
-    """Turn in place, clockwise; the antenna sees every direction."""
+    """Turn in place, clockwise; the antenna covers every direction."""
 
     duration_s: float = 20.0
     turn_deg: float = 360.0

@@ -12,24 +12,24 @@ from uavrt.localization.position.bayes_fix import Area
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Height of the ground [m] at places in the plane, of any datum."""
+"""Height of the ground [m] at positions in the plane, with any datum."""
 
 _LEAST_AREA_M2 = 100.0
 _NAMED = 3
-"""Corners beyond the fence that an error lists."""
+"""Most corners beyond the fence that an error lists."""
 _SPACING_M = 5.0
-"""Distance between the checked points of a way."""
+"""Distance between the checked points of a path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle:
-    """A round place to keep away from: a person, a building, a nest."""
+    """An excluded circle: a person, a building, a nest."""
 
     east_m: float
     north_m: float
     radius_m: float
     name: str = ""
-    """For errors."""
+    """Name for errors."""
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0.0:
@@ -39,49 +39,46 @@ class Circle:
             )
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """Whether places are within it."""
+        """True for positions within it."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(off < self.radius_m)
 
     def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of places from it; 0 within."""
+        """Distance of positions from it; 0 within."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m) - self.radius_m
         return np.asarray(np.maximum(off, 0.0))
 
     def off_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of the straight ways from one place to others; 0 across it."""
+        """Least distance of straight paths from one position to others; 0 if they cross it."""
         off = _off_segment_m(self.east_m, self.north_m, start_m, (east_m, north_m))
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of places within it from its edge; 0 and less outside."""
+        """Distance of positions within it from its edge; 0 or negative outside."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(self.radius_m - off)
 
     def depth_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least depth on the straight ways from one place to others."""
+        """Least depth on the straight paths from one position to others."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polygon:
-    """An outline; its sides do not cross each other.
+    """An outline whose sides do not cross each other.
 
-    Raises
-    ------
-    PlanError
-        Fewer than three corners, sides that cross, or next to no area.
+    Raises `PlanError`: fewer than three corners, sides that cross, or hardly any area.
     """
 
     corners: tuple[tuple[float, float], ...]
     """East and north of each [m]; the last is joined to the first."""
     name: str = "polygon"
-    """For errors."""
+    """Name for errors."""
 
     def __post_init__(self) -> None:
         if len(self.corners) < 3 or not np.all(np.isfinite(self.corners)):
@@ -128,7 +125,7 @@ class Polygon:
         )
 
     def _crossing(self) -> tuple[int, int] | None:
-        """Two sides that have a point in common and are not neighbours."""
+        """Find two sides that share a point and are not neighbours."""
         points = np.array(self.corners, np.float64)
         count = len(points)
         for first in range(count):
@@ -145,7 +142,7 @@ class Polygon:
         return None
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """Whether places are within it: sides crossed by a ray to the east are odd."""
+        """True for positions within it: a ray to the east crosses an odd number of sides."""
         x, y = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
         inside = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
         points = np.array(self.corners, np.float64)
@@ -161,27 +158,27 @@ class Polygon:
         return list(zip(self.corners, (*self.corners[1:], self.corners[0]), strict=True))
 
     def off_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of places from it; 0 within."""
+        """Distance of positions from it; 0 within."""
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), 0.0, off))
 
     def off_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of the straight ways from one place to others; 0 across it."""
+        """Least distance of straight paths from one position to others; 0 if they cross it."""
         edge = self._edge_ways_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) | start, 0.0, edge))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of places within it from its edge; 0 outside."""
+        """Distance of positions within it from its edge; 0 outside."""
         off = np.min([_off_segment_m(east_m, north_m, *side) for side in self._sides], axis=0)
         return np.asarray(np.where(self.contains(east_m, north_m), off, 0.0))
 
     def depth_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least depth on the straight ways from one place to others; 0 across its edge."""
+        """Least depth on the straight paths from one position to others; 0 if they leave it."""
         edge = self._edge_ways_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -189,7 +186,7 @@ class Polygon:
     def _edge_ways_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Least distance of straight ways from its edge; 0 across it."""
+        """Least distance of straight paths from its edge; 0 if they cross it."""
         end = (east_m, north_m)
         off = [ways_apart_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -199,12 +196,12 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Which way it turns from a over b to c: above 0 to the left."""
+    """Direction of the turn from a over b to c: positive to the left."""
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place) -> _Floats:
-    """Distance of places from a straight way."""
+    """Distance of positions from a segment."""
     along_x, along_y = b[0] - a[0], b[1] - a[1]
     length2 = np.maximum(along_x**2 + along_y**2, 1e-9)
     share = np.clip(((x - a[0]) * along_x + (y - a[1]) * along_y) / length2, 0.0, 1.0)
@@ -212,7 +209,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def ways_apart_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Least distance of straight ways from a segment; 0 where they cross it."""
+    """Least distance of straight paths from a segment; 0 if they cross it."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -227,7 +224,7 @@ def _side(a: _Floats, b: _Floats, c: _Floats) -> float:
 
 
 def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
-    """Whether two segments have a point in common."""
+    """True if two segments share a point."""
     one, two = _side(a, b, c), _side(a, b, d)
     three, four = _side(c, d, a), _side(c, d, b)
     if one * two < 0.0 and three * four < 0.0:
@@ -239,7 +236,7 @@ def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
-    """Whether neighbouring sides go back over each other, or one has no length."""
+    """True if neighbouring sides overlap, or one has no length."""
     if np.array_equal(a, b) or np.array_equal(c, d):
         return True
     meeting, before, after = (b, a, d) if np.array_equal(b, c) else (a, b, c)
@@ -248,7 +245,7 @@ def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def flat_ground(east_m: _Floats, north_m: _Floats) -> _Floats:
-    """No hills."""
+    """Level ground."""
     return np.zeros(np.broadcast_shapes(np.shape(east_m), np.shape(north_m)))
 
 
@@ -256,30 +253,28 @@ def flat_ground(east_m: _Floats, north_m: _Floats) -> _Floats:
 class SearchArea:
     """Where the animals may be, and where the drone may fly.
 
-    Raises
-    ------
-    PlanError
-        The area reaches beyond the fence, heights are the wrong way round, or home is outside.
+    Raises `PlanError`: the area reaches beyond the fence, the least height exceeds the
+    greatest, or home is outside.
     """
 
     search: Polygon
     fence: Polygon | None = None
-    """The drone stays within; None: anywhere."""
+    """Fence that the drone stays in; None: no limit."""
     voids: tuple[Circle | Polygon, ...] = ()
-    """The drone stays outside of these."""
+    """Areas that the drone stays out of."""
     within: tuple[Circle | Polygon, ...] = ()
-    """And inside of each of these, home and the way home included."""
+    """Areas that the drone stays in, with home and the return."""
     margin_m: float = 0.0
-    """And so far from them: gusts, and bends that are flown wider than planned."""
+    """Distance to keep from them, for gusts and for wider bends than planned."""
     straight_home: bool = False
-    """The straight way home from wherever it flies stays outside of them, too."""
+    """True: the straight return from anywhere must avoid them, too."""
     lowest_m: float = 20.0
-    """Above the ground beneath."""
+    """Least height above the ground beneath."""
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Of the same datum: the highest ground on the straight way home from places, which is kept
-    above as well."""
+    """With the same datum: highest ground on the straight return from positions, which must be
+    cleared, too."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -307,7 +302,7 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Refuse a home from and to which nothing may fly; raises `PlanError`."""
+        """Refuse a home that excludes take-off or return; raises `PlanError`."""
         home = np.array([self.home_m]).T
         for void in self.voids:
             if float(void.off_m(*home)[0]) <= self.margin_m:
@@ -323,9 +318,9 @@ class SearchArea:
                 )
 
     def entered(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Which place to keep away from a way enters, or the way home from it; None for none.
+        """Find the excluded area that a path, or the return from it, enters; None if none.
 
-        The points along it begin with its start; what lies between is checked, too.
+        The path is given by points, beginning with its start; segments are checked, too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -334,9 +329,9 @@ class SearchArea:
     def _entered(
         self, x: _Floats, y: _Floats, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
-        """Number of each leg that enters a place to keep away from, and how.
+        """Number of each leg that enters an excluded area, and how.
 
-        From a start nearer than the margin, where a gust has put it, it may not go nearer.
+        From a start within the margin, where a gust has put it, it may not come closer.
         """
         found: list[tuple[int, str]] = []
         here = np.array([start_m]).T
@@ -367,9 +362,9 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Why a way may not be flown at a height above home, None when it may.
+        """Why a path may not be flown at a height above home; None if it may.
 
-        It is given by points along it; what lies between is checked, too.
+        The path is given by points; the segments between them are checked, too.
         """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
@@ -379,7 +374,7 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """Why the straight ways from a place to others may not be flown, at one height."""
+        """Why straight paths from a position to others may not be flown at one height."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
         share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / _SPACING_M)) + 1))[1:]
         x = state_m[0] + (east_m - state_m[0])[:, None] * share
@@ -415,7 +410,7 @@ class SearchArea:
 
 
 def _named(void: Circle | Polygon) -> str:
-    """It by its name, where it has one."""
+    """The area's name, or its kind if it has none."""
     if void.name in ("", "polygon"):
         return "a place to keep away from"
     return f"the keep-out {void.name!r}"
@@ -426,14 +421,14 @@ def _named_within(area: Circle | Polygon) -> str:
 
 
 def _nudged(corners: _Floats) -> _Floats:
-    """A corner on the fence counts as inside it: drawn in by a millimetre."""
+    """Move a corner on the fence inside by a millimetre."""
     middle = corners.mean(axis=0)
     off = middle - corners
     return np.asarray(corners + 1e-3 * off / np.maximum(np.hypot(*off.T)[:, None], 1e-9))
 
 
 def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Points of a way, no two farther apart than what is looked at."""
+    """Points of a path, no farther apart than the checked distance."""
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
@@ -443,10 +438,10 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Refuse a search before anything moves.
+    """Refuse an unreachable search before anything moves.
 
-    `farthest_m`: from home, that the battery allows with the way back and the reserve.
-    Raises `PlanError`: the whole area is beyond the battery's reach.
+    `farthest_m`: reach from home, including the return and the reserve. Raises `PlanError`: the
+    whole area is beyond the battery's reach.
     """
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
@@ -472,13 +467,15 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Corners of parallel lines over a polygon, to and fro along its longer side.
+    """Corners of parallel lines over a polygon, back and forth along its longer side.
 
-    Raises `PlanError`: the spacing is not above 0, or there are more lines than `most`: none is
-    cut then.
+    Raises `PlanError`: the spacing is not positive, or there are more lines than `most`.
     """
     if not spacing_m > 0.0:
-        raise PlanError(f"lines {spacing_m:g} m apart", remedy="Give a distance above 0")
+        raise PlanError(
+            f"the line spacing of {spacing_m:g} m is not positive",
+            remedy="Give a distance above 0",
+        )
     corners = np.array(polygon.corners)
     sides = np.roll(corners, -1, axis=0) - corners
     longest = sides[int(np.argmax(np.hypot(*sides.T)))]

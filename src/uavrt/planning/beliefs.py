@@ -1,7 +1,8 @@
-"""What is believed of each tag while it is searched for.
+"""Probabilities about each tag during a search.
 
-A tracker of `uavrt.localization` says where the tag is if it is there. Here is added whether it
-is there at all, and whether what comes is what such a tag would give.
+A tracker of `uavrt.localization` estimates the tag's position, given that it is there. This
+module adds the probability that it is there at all, and checks whether the pulses are those of
+such a tag.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,96 +25,109 @@ from uavrt.localization.position.trackers import (
 )
 
 _Floats = NDArray[np.float64]
-_FADES = 0.95
-"""Weight of a pulse in the check of the model when the next one comes: twenty pulses long."""
-_GROSS = 4.0
-_RIVAL_SIGMA_DB = 12.0
-_RIVAL_PARTICLES = 2000
-_RIVAL_SHARE = 0.1
-"""Probability, before the flight, that a stationary interferer is received as the tag."""
-_SURE_NATS = 7.0
-_MOST_NATS = 25.0
-"""Evidence that a tag is there counts no more: a tag that falls silent is to be doubted."""
-_KNOWN_SHARE = 0.5
-"""Share of its area's width: an interferer whose place is known better differs from the tag."""
-_LIMIT = 3.3
-"""Standard deviations at which the check fails: once in a thousand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ExistenceRules:
+    """Constants of the check of the model, and of an interferer that rivals a tag."""
+
+    memory: float = 0.95
+    """Weight of a pulse in the check of the model when the next one comes: twenty pulses."""
+    largest_sigmas: float = 4.0
+    """Largest deviation with which one pulse counts [standard deviations]."""
+    failing_sigmas: float = 3.3
+    """Deviation at which the check fails [standard deviations]: once in a thousand."""
+    rival_sigma_db: float = 12.0
+    """Uncertainty of the level of an interferer [dB]."""
+    rival_particles: int = 2000
+    rival_share: float = 0.1
+    """Probability, before the flight, that a stationary interferer is received as the tag."""
+    rival_nats: float = 7.0
+    """Largest log odds of the interferer."""
+    tag_nats: float = 25.0
+    """Largest evidence that a tag is there: a tag that falls silent is to be doubted."""
+    known_share: float = 0.5
+    """Share of its area's width: an interferer whose place is known better is not the tag."""
+
+
+_RULES = _ExistenceRules()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelCheck:
-    """Whether the pulses of late are as a tag at the believed place would give them."""
+    """Whether recent pulses agree with a tag at its estimated position."""
 
     bias_sigmas: float
-    """How far their mean is off, in its own standard deviations."""
+    """Deviation of their mean, in its own standard deviations."""
     scatter: float
-    """Mean square over what is expected; 1 is right."""
+    """Mean square over the expected one; 1 is right."""
     pulses: float
-    """That count, older ones less."""
+    """Weighted number of pulses."""
 
     @property
     def passed(self) -> bool:
-        """Whether both are as they should be."""
+        """True if mean and scatter are as expected."""
         if self.pulses < 1.0:
             return False
-        room = _LIMIT * np.sqrt(2.0 / self.pulses)
-        return abs(self.bias_sigmas) <= _LIMIT and self.scatter <= 1.0 + room
+        room = _RULES.failing_sigmas * np.sqrt(2.0 / self.pulses)
+        return abs(self.bias_sigmas) <= _RULES.failing_sigmas and self.scatter <= 1.0 + room
 
     def __str__(self) -> str:
         return f"bias {self.bias_sigmas:+.1f} σ, scatter × {self.scatter:.1f}"
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """How far a pulse is off, in standard deviations of those that are heard.
+    """Deviation of a pulse, in standard deviations of those that are detected.
 
-    Far from a tag only the strongest of its pulses reach the threshold: among these a pulse is
-    as far off as a normal deviate that as many exceed.
+    Far from a tag only its strongest pulses reach the threshold; a pulse's deviation is then
+    the normal deviate with the same conditional probability.
     """
     sigma = np.sqrt(expected.variance_db2)
     above, heard = (
         special.log_ndtr((expected.level_db - one) / sigma) for one in (level_db, threshold_db)
     )
-    return float(np.clip(-special.ndtri_exp(min(above - heard, -1e-12)), -_GROSS, _GROSS))
+    most = _RULES.largest_sigmas
+    return float(np.clip(-special.ndtri_exp(min(above - heard, -1e-12)), -most, most))
 
 
 class Rival:
-    """Something that stays where it is and is heard as the tag is: an interferer.
+    """A stationary interferer that is received as the tag.
 
-    A tracker of its own, to which every pulse belongs as far as it explains it better than the
-    tag does, and the probability that there is one at all.
+    It has a tracker, which takes each pulse in proportion to how much better it explains it
+    than the tag does, and a probability of existence.
     """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         own = replace(
             prior,
-            level_sigma_db=_RIVAL_SIGMA_DB,
+            level_sigma_db=_RULES.rival_sigma_db,
             motion=(1.0, 0.0, 0.0),
             level_drift_db_per_root_s=0.0,
         )
         self._missed = prior.missed_share
         self._chance = prior.chance_share
-        self.tracker = ParticleTracker(own, rng, particles=_RIVAL_PARTICLES)
-        share = _RIVAL_SHARE
+        self.tracker = ParticleTracker(own, rng, particles=_RULES.rival_particles)
+        share = _RULES.rival_share
         self._log_odds = self._least = float(np.log(share / (1.0 - share)))
         self._density = 0.0
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Rival | None":
-        """For a tag that may have one: another is heard only when the tag itself is missed."""
+        """Make the possible interferer of a tag; it shows when the tag itself is missed."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
     def probability(self) -> float:
-        """That there is one."""
+        """Probability that it exists."""
         return float(1.0 / (1.0 + np.exp(-self._log_odds)))
 
     def density(self, heard: Listening) -> float:
-        """Probability density [1/dB] that it gives this pulse."""
+        """Probability density [1/dB] of this pulse from the interferer."""
         self._density = self.tracker.density(heard)
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Take a pulse, with its density by the tag and by all other sources."""
+        """Update with a pulse and its density from the tag and from all other sources."""
         others = self._missed * self.probability * self._density
         chance = self._chance * by_chance_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -121,18 +135,18 @@ class Rival:
         self.tracker.listen(heard, elsewhere=max(tags / self._missed - chance, 0.0))
 
     def missed(self, heard: Listening) -> None:
-        """Take in that nothing was heard."""
+        """Update with a missed pulse."""
         self._add(self.tracker.listen(heard).log_probability)
 
     def _add(self, nats: float) -> None:
-        self._log_odds = float(np.clip(self._log_odds + nats, self._least, _SURE_NATS))
+        self._log_odds = float(np.clip(self._log_odds + nats, self._least, _RULES.rival_nats))
 
 
 class TagBelief:
-    """Everything believed of one tag.
+    """Position and existence of one tag.
 
-    `particles`: hypotheses of the place.
-    `existence`: probability, before the flight, that the tag is in the area and beeps.
+    `particles`: hypotheses of the position. `existence`: prior probability that the tag is in
+    the area and beeps.
     """
 
     def __init__(
@@ -163,27 +177,27 @@ class TagBelief:
 
     @property
     def tracker(self) -> ParticleTracker:
-        """The hypotheses of the place."""
+        """Hypotheses of the position."""
         return self._tracker
 
     @property
     def log_bayes_factor(self) -> float:
-        """Of all evidence so far, for "it is there" against "there is none"."""
+        """Log Bayes factor of all evidence for "it is there" against "it is not"."""
         return float(self._log_bayes_factor)
 
     @property
     def existence_probability(self) -> float:
-        """That the tag is in the area and beeps."""
+        """Probability that the tag is in the area and beeps."""
         return float(1.0 / (1.0 + np.exp(-self._prior_odds - self._log_bayes_factor)))
 
     def advance_to(self, time_s: float) -> None:
-        """Let the animal rest, browse or travel until then."""
+        """Advance the animal's motion (rest, browse or travel) to a time."""
         self._tracker.advance_to(time_s)
         if self._rival is not None:
             self._rival.tracker.advance_to(time_s)
 
     def listen(self, heard: Listening) -> Expectation:
-        """Update with a pulse, or that none was heard: both are evidence."""
+        """Update with a pulse or a missed one."""
         rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
             expected = self._tracker.listen(heard)
@@ -201,21 +215,21 @@ class TagBelief:
             if rival is not None:
                 rival.heard(heard, expected.log_probability)
         gained = self._log_bayes_factor + expected.log_probability - absent
-        self._log_bayes_factor = min(gained, _MOST_NATS)
+        self._log_bayes_factor = min(gained, _RULES.tag_nats)
         self._check(heard, expected, absent)
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Note how far a pulse is from what was expected, false ones counting less."""
+        """Record a pulse's deviation from the expected one; likely false ones count less."""
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)
         own = 1.0 - min(1.0, float(np.exp(absent - expected.log_probability)))
-        fade = np.array([_FADES, _FADES**2, _FADES, _FADES])
+        fade = np.array([_RULES.memory, _RULES.memory**2, _RULES.memory, _RULES.memory])
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
 
     def model_check(self) -> ModelCheck:
-        """Compare the pulses of late with what was expected of them."""
+        """Compare recent pulses with those expected."""
         weight, squares, off, off2 = (float(one) for one in self._sums)
         if weight < 1.0:
             return ModelCheck(bias_sigmas=0.0, scatter=0.0, pulses=0.0)
@@ -225,17 +239,17 @@ class TagBelief:
         )
 
     def doubt(self) -> str | None:
-        """Why the pulses may be an interferer's; None where it differs from the tag.
+        """Why the pulses may be an interferer's; None if it differs from the tag.
 
-        A probable interferer must be known to be elsewhere: as long as it may be anywhere,
-        the place of the tag may have been made from its pulses.
+        A probable interferer must be known to be elsewhere: until then, the tag's position may
+        be based on its pulses.
         """
         rival = self._rival
         if rival is None or rival.probability < 0.5:
             return None
         area, place, own = self.prior.area, rival.tracker.spread(), self.spread()
         width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
-        if place.rms_m > _KNOWN_SHARE * width:
+        if place.rms_m > _RULES.known_share * width:
             return f"something else is heard ({rival.probability:.2f}), none knows where"
         apart = np.hypot(place.east_m - own.east_m, place.north_m - own.north_m)
         if apart < place.rms_m + 2.0 * own.rms_m:
@@ -243,22 +257,22 @@ class TagBelief:
         return None
 
     def estimate(self) -> TrackEstimate:
-        """Where the tag is if it is there."""
+        """Estimated position of the tag, given that it is there."""
         return self._tracker.estimate()
 
     def spread(self) -> Spread:
-        """How far apart the hypotheses of its place are."""
+        """Spread of the hypotheses of its position."""
         return self._tracker.spread()
 
     def hypotheses(self, count: int) -> Hypotheses:
-        """Some hypotheses, evenly from all."""
+        """Some hypotheses, drawn evenly."""
         return self._tracker.hypotheses(count)
 
 
 class Beliefs(Mapping[int, TagBelief]):
     """Several tags; they differ in frequency, so each pulse belongs to one.
 
-    Raises `ConfigError`: there is no tag, or a number comes twice.
+    Raises `ConfigError`: there is no tag, or an id is repeated.
     """
 
     def __init__(self, *beliefs: TagBelief) -> None:
@@ -279,6 +293,6 @@ class Beliefs(Mapping[int, TagBelief]):
         return len(self._by_id)
 
     def advance_to(self, time_s: float) -> None:
-        """Let all animals move until then."""
+        """Advance all animals' motion to a time."""
         for one in self._by_id.values():
             one.advance_to(time_s)

@@ -1,13 +1,13 @@
-"""What tags of one area have in common: how their levels fall with distance.
+"""Share between tags of one area how their levels fall with distance.
 
-Each tracker learns its own exponent, as if no other tag were there. But ground and plants are
-those of the area: a flight around one tag measures the exponent of all. Without that, two
-hypotheses of each other tag, near and weak or far and strong, stay apart for minutes.
+Each tracker learns its own exponent, but ground and plants are those of the area: a flight
+around one tag measures the exponent of all. Without sharing, the two hypotheses of each other
+tag (near and weak, far and strong) persist for minutes.
 
-Each tag's likelihood of the exponent is summed up as a normal one: what its posterior has
-beyond its prior and the messages of others (expectation propagation with one message for each
-tag; Minka 2001, "Expectation Propagation for Approximate Bayesian Inference"). What it learnt
-from others thus never returns to them.
+Each tag's likelihood of the exponent is approximated as normal: its posterior divided by its
+prior and others' messages (expectation propagation with one message for each tag; Minka 2001,
+"Expectation Propagation for Approximate Bayesian Inference"). So its own information never
+returns to it.
 """
 
 from collections.abc import Iterable
@@ -15,21 +15,29 @@ from dataclasses import dataclass
 
 from uavrt.planning.beliefs import TagBelief
 
-APART = 0.15
-"""How much the exponents of two tags in one area differ, one standard deviation."""
-_SURE = 0.95
-"""Least probability that a tag exists before it informs others."""
-_NEWS = 1.25
-"""Factor on its precision after which a tag sends its next message."""
-_PLACED_M = 50.0
-"""Root mean square of a tag's cloud below which it is known where it is."""
-_MOST = 1.0 / 0.1**2
-"""Precision that a tag's own pulses may claim."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sharing:
+    """When and how surely tags share the fall with distance."""
+
+    exponent_sigma: float = 0.15
+    """Difference of the exponents of two tags in one area, one standard deviation."""
+    existence: float = 0.95
+    """Least probability that a tag exists before it informs others."""
+    news: float = 1.25
+    """Factor on its precision after which a tag sends its next message."""
+    placed_m: float = 50.0
+    """Root mean square of a tag's cloud below which its place is known [m]."""
+    most_precision: float = 1.0 / 0.1**2
+    """Precision that a tag's own pulses may claim."""
+
+
+_SHARING = _Sharing()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Told:
-    """A normal likelihood in its natural parameters, which add up."""
+    """A normal likelihood in natural parameters, which add up."""
 
     precision: float = 0.0
     weighted: float = 0.0
@@ -49,20 +57,20 @@ class _Told:
         return _Told(precision=self.precision * share, weighted=self.weighted * share)
 
     def softened(self, variance: float) -> "_Told":
-        """The message as it holds for another tag, whose exponent differs by a variance."""
+        """The message for another tag, whose exponent differs with this variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
 class CommonFall:
-    """Shares among all tags what each has learnt of the exponent."""
+    """Shares each tag's knowledge of the exponent among all tags."""
 
     def __init__(self) -> None:
-        self._variance = APART**2
+        self._variance = _SHARING.exponent_sigma**2
         self._sent: dict[int, _Told] = {}
         self._received: dict[int, _Told] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Take from each tag what it knows now, and give it to the others."""
+        """Collect each tag's knowledge, and pass it to the others."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -82,10 +90,10 @@ class CommonFall:
             self._received[one.tag_id] = others
 
     def _ask(self, belief: TagBelief) -> None:
-        """Hear what a tag's own pulses say, if it is one, and gives the pulses of one."""
-        if belief.existence_probability < _SURE or not belief.model_check().passed:
+        """Get the message of a tag's own pulses, if it exists and fits the model."""
+        if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
-        if belief.spread().rms_m > _PLACED_M:
+        if belief.spread().rms_m > _SHARING.placed_m:
             return
         mean, variance = belief.tracker.exponent()
         prior = belief.prior
@@ -96,7 +104,7 @@ class CommonFall:
         own = _Told(precision=precision, weighted=precision * mean).minus(before)
         if own.precision <= 0.0:
             return
-        own = own.scaled(min(1.0, _MOST / own.precision))
+        own = own.scaled(min(1.0, _SHARING.most_precision / own.precision))
         last = self._sent.get(belief.tag_id)
-        if last is None or own.precision > _NEWS * last.precision:
+        if last is None or own.precision > _SHARING.news * last.precision:
             self._sent[belief.tag_id] = own

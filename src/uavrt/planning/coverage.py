@@ -1,9 +1,9 @@
-"""With which probability a tag at each place is heard on a way, before or after it is flown.
+"""Probability of detecting a tag at each place along a path, planned or flown.
 
-The pulses that would come along the way are put into groups of K; the mean energy of a group,
-by the link budget, the antenna's pattern and the ground between, gives the detector's own
-probability to find it. The tag's power is not known exactly: its error is common to all pulses,
-so the probability that all groups are missed is averaged over it, not multiplied.
+The expected pulses are divided into groups of K; the mean energy of a group, by link budget,
+antenna pattern and terrain, gives the detector's own detection probability. The error of the
+tag's power is common to all pulses, so the probability of missing all groups is averaged over
+it, not multiplied.
 """
 
 import math
@@ -20,7 +20,7 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_d
 from uavrt.localization.headings import Headings
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
-from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
+from uavrt.planning.whole_flight import MODEL, WholeFlightSum
 from uavrt.terrain.squares import GroundGrid
 from uavrt.terrain.viewshed import terrain_loss_map
 
@@ -34,62 +34,62 @@ _NOTHING_DB = -60.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListeningWay:
-    """Where the antenna is when pulses come: one row for each pulse."""
+    """Pose of the antenna at each expected pulse, one row per pulse."""
 
     time_s: _Floats
-    """(n,) rising."""
+    """(n,) times, rising."""
     east_m: _Floats
     """(n,) in the plane of the ground."""
     north_m: _Floats
     height_m: _Floats
-    """(n,) above the ground beneath."""
+    """(n,) height above the ground beneath."""
     headings: Headings | None = None
-    """None takes the antenna as one that hears alike on all sides."""
+    """Antenna's headings; None: equal gain in all directions."""
     noise_db: _Floats | None = None
-    """(n,) above the budget's noise; None is as the budget has it."""
+    """(n,) noise above the budget's; None: the budget's noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Coverage:
-    """How probably a tag at each cell is heard."""
+    """Detection probability of a tag at each cell."""
 
     ground: GroundGrid
     heard: _Singles
-    """(rows, columns), the southern row first; NaN where the ground's height is not known."""
+    """(rows, columns), the southern row first; NaN where the ground's height is unknown."""
     groups: int
-    """Of pulses, that the way is long enough for; of a whole flight 1 where it is."""
+    """Number of groups on the path; for a whole flight 1 or 0."""
     whole_flight: bool = False
-    """Whether all pulses are judged together, as by `uavrt integrate`."""
+    """True if all pulses are judged together, as by `uavrt integrate`."""
     limitations: tuple[str, ...] = ()
-    """What the figures do not hold for, in words."""
+    """Limitations of the figures, in words."""
 
     @property
     def mean(self) -> float:
-        """Mean probability of all cells that are known; NaN where none is."""
+        """Mean probability of all known cells; NaN without any."""
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
     @property
     def known_km2(self) -> float:
-        """Area of the cells that are known: what the mean and the shares are of."""
+        """Area of the known cells, to which mean and shares refer."""
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the known cells that are heard with a probability or more."""
+        """Share of the known cells with at least this probability."""
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absence:
-    """What silence says of an area."""
+    """Conclusion about an area in which a tag was not detected."""
 
     prior: float
-    """Probability, before the flight, that the tag is in it."""
+    """Prior probability that the tag is in it."""
     heard: float
-    """Mean probability that it would have been heard there."""
+    """Mean probability of detecting it there."""
     not_here: float
-    """Probability, after a flight in which it was not heard, that it is not in it."""
+    """Posterior probability that it is not there."""
 
 
 def listening_way(
@@ -100,11 +100,11 @@ def listening_way(
     interval_s: float,
     nose_first: bool = False,
 ) -> ListeningWay:
-    """Lay the pulses of a tag along a way that is not flown yet.
+    """Distribute a tag's pulses along a planned path.
 
-    `corners_m`: each (east, north); of the way; the drone flies straight between them.
-    `height_m`: above the ground, which the drone keeps.
-    `nose_first`: the antenna looks along the way; else it hears alike on all sides.
+    `corners_m`: (east, north) of each corner; the drone flies straight between them.
+    `height_m`: constant height above the ground. `nose_first`: the antenna points along the
+    path; else it has equal gain in all directions.
     """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
@@ -137,21 +137,17 @@ def coverage_of(
     most_drift: float = 0.0,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Compute with which probability at least one group of a tag's pulses is found.
+    """Probability at each cell that at least one group of a tag's pulses is detected.
 
-    `ground`: its cells are where the tag may be.
-    `way`: one row for each pulse that comes.
-    `tag`: its K, interval and false-alarm probability make the threshold.
-    `budget`: of `uavrt range`; its height is not used, the way's is.
-    `pattern`: with the way's headings; an upright whip's is the same on all sides, and deaf to
-    what is below. By default all directions are alike.
-    `level_sigma_db`: standard deviation of what the tag's level is off, the same for all
-    pulses.
-    `frequency_window_hz`: half-width of the search around the tag's frequency.
-    `hills`: whether the ground is anything but level.
-    `whole_flight`: judge all pulses together, as `uavrt integrate` does, and not in groups.
-    `most_drift`: of the interval over the flight, that it was searched with.
-    `on_pulse`: takes how many pulses are done, and of how many.
+    `ground`: its cells are possible positions of the tag. `way`: one row for each pulse. `tag`:
+    its K, interval and false-alarm probability give the threshold. `budget`: of `uavrt range`;
+    the path's height replaces the budget's. `pattern`: with the path's headings; an upright
+    whip's is equal on all sides with a null below; by default all directions are equal.
+    `level_sigma_db`: standard deviation of the tag's level, common to all pulses.
+    `frequency_window_hz`: half-width of the search around the tag's frequency. `hills`: the
+    ground is not level. `whole_flight`: judge all pulses together, as `uavrt integrate` does.
+    `most_drift`: searched change of the interval over the flight. `on_pulse`: called with the
+    number of finished pulses and their total.
     """
     errors_db, weights = special.roots_hermitenorm(_ERRORS)
     weights = weights / weights.sum()
@@ -170,7 +166,7 @@ def coverage_of(
         return Coverage(
             ground=ground,
             heard=np.where(ground.known, heard, np.nan).astype(np.float32),
-            groups=int(len(way.time_s) >= LEAST_PULSES),
+            groups=int(len(way.time_s) >= MODEL.least_pulses),
             whole_flight=True,
         )
     found = _found_by_enr(tag, frequency_window_hz)
@@ -199,22 +195,21 @@ def _by_whole_flight(
     pulses: int,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
-    """Probability to find a tag by all pulses together: (errors, rows, columns)."""
+    """Detection probability from all pulses together: (errors, rows, columns)."""
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))
         if on_pulse is not None:
             on_pulse(number + 1, 2 * pulses)
-    return judged.found() if pulses >= LEAST_PULSES else 0.0 * judged.found()
+    return judged.found() if pulses >= MODEL.least_pulses else 0.0 * judged.found()
 
 
 def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) -> Absence:
-    """Weigh silence: how probably is the tag not in a part of the map?
+    """Probability that an undetected tag is not in a part of the map.
 
-    `coverage`: of a flight in which the tag was not heard.
-    `inside` (rows, columns): the part.
-    `prior`: probability beforehand that the tag is in it; None takes the tag to be somewhere on
-    the map, anywhere alike. Cells of unknown ground count as not heard at all.
+    `coverage`: of a flight without a detection of the tag. `inside` (rows, columns): the part.
+    `prior`: prior probability that the tag is in it; None: the tag is equally likely anywhere
+    on the map. In cells of unknown ground the detection probability counts as 0.
     """
     missed = 1.0 - np.nan_to_num(coverage.heard.astype(np.float64), nan=0.0)
     here = float(missed[inside].mean()) if inside.any() else 1.0
@@ -228,7 +223,7 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Log of the probability to miss a group, by its ENR in steps of a quarter decibel."""
+    """Log-probability of missing a group, by ENR in steps of a quarter decibel."""
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
         for enr in _ENR_DB
@@ -237,7 +232,7 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
 
 
 class _View:
-    """Energies of pulses from all cells; what the drone has not moved for is kept."""
+    """Energies of pulses from all cells, recomputed only if the drone has moved."""
 
     def __init__(
         self,
@@ -256,7 +251,7 @@ class _View:
         self._towards: tuple[_Singles, _Singles, _Singles] | None = None
 
     def energies(self, pulse: int) -> _Singles:
-        """Energy over noise of a pulse from each cell."""
+        """Energy of a pulse over noise from each cell."""
         way = self._way
         at = (way.east_m[pulse], way.north_m[pulse], way.height_m[pulse])
         if (

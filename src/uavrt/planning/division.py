@@ -1,4 +1,4 @@
-"""Divide tags among drones: a round for each, the longest of them as short as may be."""
+"""Divide tags among drones into rounds, so that the longest round is as short as possible."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 _Floats = NDArray[np.float64]
 _PASSES = 4
 CHANGE_S = 8.0
-"""What a drone must be done sooner for it to take a tag that was another's."""
+"""Time that a transfer of a tag to another drone must save."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Where and when a drone's round begins."""
+    """Start of a drone's round: place and time."""
 
     east_m: float
     north_m: float
@@ -31,16 +31,12 @@ def divided(
     stay_s: float,
     owners: Sequence[int | None] = (),
 ) -> list[list[int]]:
-    """Rounds of the drones, as numbers of tags in their order.
+    """Rounds of the drones, as indices of tags in their order.
 
-    Each tag in turn goes to whoever would be done with it first (list scheduling); then single
-    tags move to other rounds as long as the longest becomes shorter, or the same with less in
-    all.
-
-    `east_m`, `north_m` (tags,): where the tags are.
-    `stay_s`: at each tag.
-    `owners`: which drone had each tag before, if any: another takes it only if the time that it
-    saves is worth the change.
+    Each tag in turn goes to the drone that would finish it first (list scheduling); then single
+    tags move to other rounds while that shortens the longest round or the total. `east_m`,
+    `north_m` (tags,): positions. `stay_s`: time at each tag. `owners`: previous drone of each
+    tag: another takes it only if the saved time is worth the change.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]
@@ -80,7 +76,7 @@ class _Rounds:
         self._after = [one.after_s for one in starts]
 
     def time_s(self, drone: int, tour: Sequence[int]) -> float:
-        """When a round is done."""
+        """Time at which a round ends."""
         if not tour:
             return 0.0
         legs = (self._between[a][b] for a, b in pairwise(tour))
@@ -89,7 +85,7 @@ class _Rounds:
         return self._after[drone] + way + CHANGE_S * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move one tag to where it costs least; False where it stays."""
+        """Move a tag to its cheapest place; False if it stays."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

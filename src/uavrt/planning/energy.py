@@ -1,4 +1,4 @@
-"""What flying costs, learnt from the battery, and when it is time to go home."""
+"""Model the power of flight, learn it from the battery, and decide when to return."""
 
 from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite
@@ -10,28 +10,28 @@ from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 _J_PER_WH = 3600.0
 _DRIFTS = 0.03
-"""Change of the scale between two lessons by wind and the battery's voltage."""
+"""Change of the scale between two updates, by wind and the battery's voltage."""
 _CLIMB_M_S, _SINK_M_S = 3.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyModel:
-    """Power of a drone, and what its battery has shown it to be.
+    """Power of a drone, with a scale factor learnt from its battery.
 
-    Power at an airspeed v is that of hovering, less by `translation_share` at most once the
-    rotors meet fresh air, and a drag that grows with v³, such that it is `cruise_w` at
-    `cruise_m_s`. All is multiplied by a factor that readings of the battery teach.
+    Power at an airspeed v is that of hovering, less up to `translation_share` once the rotors
+    meet fresh air, plus a drag that grows with v³ and gives `cruise_w` at `cruise_m_s`. All is
+    multiplied by the scale.
     """
 
     hover_w: float = 400.0
     cruise_w: float = 420.0
     cruise_m_s: float = 10.0
     climb_j_per_m: float = 60.0
-    """On top, for each metre upwards."""
+    """Additional energy per metre of climb."""
     scale: float = 1.0
-    """Power that is used over that of the model: payload, air, age of the battery."""
+    """Ratio of used to modelled power: payload, air, age of the battery."""
     scale_sigma: float = 0.2
-    """How sure that is."""
+    """Standard deviation of that ratio."""
 
     def __post_init__(self) -> None:
         if min(self.hover_w, self.cruise_w, self.cruise_m_s) <= 0.0 or self.climb_j_per_m < 0:
@@ -49,16 +49,17 @@ class EnergyModel:
         return float(self.scale * max(self.hover_w - relieved + drag, 0.3 * self.hover_w))
 
     def used_wh(self, duration_s: float, airspeed_m_s: float, climb_m: float = 0.0) -> float:
-        """Energy of a stretch of flight; coming down gives nothing back."""
+        """Energy of a stretch of flight; a descent recovers none."""
         climb = self.scale * self.climb_j_per_m * max(climb_m, 0.0)
         return (self.power_w(airspeed_m_s) * duration_s + climb) / _J_PER_WH
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Update with the energy predicted for a stretch, and used by the battery's readings.
+        """Update with the energy predicted for a stretch, and the energy used by battery
+        readings.
 
-        An unlikely lesson (an unknown payload) is believed all the same, and makes the model
-        less sure: the drone has to come home. `sigma_wh` is the error of two readings'
-        difference. Raises `ConfigError`: the readings cannot be.
+        An unlikely value (an unknown payload) is accepted, but increases the uncertainty: the
+        drone has to come home. `sigma_wh` is the error of two readings' difference. Raises
+        `ConfigError`: the readings are impossible.
         """
         if not (predicted_wh > 0.0 and np.isfinite(used_wh) and sigma_wh > 0.0):
             raise ConfigError(
@@ -88,9 +89,9 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to climb, fly home and come down, at `sigmas` above the believed power.
+        """Energy to climb, fly home and descend, at `sigmas` above the estimated power.
 
-        Infinite against a wind that is too strong.
+        Infinite if the wind is too strong.
         """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
@@ -117,5 +118,5 @@ class Battery:
     reserve_wh: float = 15.0
 
     def must_return(self, way_home_wh: float, next_leg_wh: float = 0.0) -> bool:
-        """Whether it is time to go: the next leg would use what the way home needs."""
+        """True if the next leg would use energy that the return needs."""
         return self.remaining_wh - next_leg_wh <= way_home_wh + self.reserve_wh

@@ -1,10 +1,10 @@
-"""Predict how much a path would reveal about where the tags are.
+"""Predict how much information a path would give about the tags' positions.
 
-The pulses along a way are normal about the level that each hypothesis of the tag expects; their
+The pulses along a path are normal about the level expected under each hypothesis; their
 information on the hypotheses is bounded by the distances between those levels (Kolchinsky and
-Tracey 2017). A level below the threshold is heard as silence, so it is put at the threshold:
-two hypotheses under which nothing is heard stay equal. The unknown strength is common to all
-pulses of the way, and takes from their distances what it could explain.
+Tracey 2017). Levels below the threshold are set to the threshold: two hypotheses without a
+detection stay equal. The unknown strength is common to all pulses of the path; the part of the
+distances that it could explain is removed.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """What of a pulse reaches the drone."""
+    """Reception of pulses at the drone."""
 
     above_tags_m: float
     pulse_s: float
@@ -39,12 +39,11 @@ def expected_levels_db(
     listener: Listener,
     walked_m: tuple[_Singles, _Singles] | None = None,
 ) -> tuple[_Singles, _Singles | float]:
-    """(legs, samples, hypotheses) level at which each would be heard along ways.
+    """Level of each hypothesis along paths, (legs, samples, hypotheses).
 
-    And the variance (legs, samples) that a map of the ground leaves.
-
-    Those that travel go on at their velocity meanwhile; `walked_m`, east and north of each leg
-    and hypothesis (legs, 1, hypotheses), is added.
+    Also the variance (legs, samples) due to the elevation map. Travelling hypotheses continue
+    at their velocity; `walked_m`, east and north of each leg and hypothesis (legs, 1,
+    hypotheses), is added.
     """
     east, north, yaw, time = (
         one.astype(np.float32)[:, :, None]
@@ -79,7 +78,7 @@ def _over_ground(
     dy: _Singles,
     listener: Listener,
 ) -> tuple[_Singles | float, _Singles | float]:
-    """Heights of the drone over the hypotheses, and what hills take on the way from them."""
+    """Heights of the drone above the hypotheses, and losses behind hills."""
     if prior.hills is None:
         return listener.above_tags_m, 0.0
     hills = prior.hills.rough()
@@ -103,12 +102,11 @@ def information_nats(
     hypotheses: int = 64,
     others: Legs | None = None,
 ) -> _Floats:
-    """(tags, legs) information of each way on the place of each tag.
+    """Information of each path on each tag's position, (tags, legs).
 
-    `legs`: their samples stand for equal shares of each way's time.
-    `hypotheses`: drawn of each tag; the information is at most the logarithm of this.
-    `others`: ways on which other drones will listen meanwhile: what they will have found
-    by then does not count.
+    `legs`: their samples stand for equal shares of each path's time. `hypotheses`: number drawn
+    of each tag; its logarithm limits the information. `others`: paths of other drones, whose
+    information is excluded.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):
@@ -125,19 +123,19 @@ def information_nats(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Pulses:
-    """What is to be heard along ways."""
+    """Expected pulses along paths."""
 
     level_db: _Singles
-    """(ways, samples, hypotheses)"""
+    """(ways, samples, hypotheses)."""
     per_db2: _Singles
-    """(ways, samples) pulses over the variance of each."""
+    """(ways, samples): number of pulses over the variance of each."""
     alike_db2: _Floats
-    """(ways,) variance of what all pulses of a way have in common, for the ground's sake."""
+    """(ways,): variance common to all pulses of a path, from the elevation map."""
     span_s: _Floats
-    """(ways,)"""
+    """Duration (ways,)."""
 
     def as_one(self) -> "_Pulses":
-        """All ways as one."""
+        """All paths joined into one."""
         return _Pulses(
             level_db=self.level_db.reshape(1, -1, self.level_db.shape[2]),
             per_db2=self.per_db2.reshape(1, -1),
@@ -146,7 +144,7 @@ class _Pulses:
         )
 
     def joined(self, one: "_Pulses") -> "_Pulses":
-        """Each way together with one other."""
+        """Each path joined with one other."""
         ways, _, hypotheses = self.level_db.shape
         samples = one.level_db.shape[1]
         level = np.broadcast_to(one.level_db, (ways, samples, hypotheses))
@@ -176,10 +174,10 @@ def _pulses(prior: TagPrior, some: Hypotheses, legs: Legs, listener: Listener) -
 def _over_the_way(
     wrong2: _Singles | float, legs: Legs, pulses: _Floats
 ) -> tuple[_Floats, _Floats | float]:
-    """What the ground's losses have wrong: (ways,) alike, and (ways, samples) of each pulse.
+    """Error of the terrain losses: (ways,) common, and (ways, samples) of each pulse.
 
-    A turn in place receives all pulses through the same hills, so their direction stays
-    known. On a way the error changes slowly: all pulses of a stretch count as one.
+    A turn in place receives all pulses through the same hills, so their direction stays known.
+    Along a path the error changes slowly: all pulses of a stretch count as one.
     """
     if isinstance(wrong2, float):
         return np.zeros(len(pulses)), 0.0
@@ -191,7 +189,7 @@ def _over_the_way(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """(ways,) information on the place, of pulses that are to be heard."""
+    """Information of expected pulses on the position, (ways,)."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -227,7 +225,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """East and north that each hypothesis walks until each way's end, always alike."""
+    """East and north that each hypothesis walks until each path's end, deterministically."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -236,9 +234,9 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """(legs, samples) variance that the walk from then to the way's end adds to a level.
+    """(legs, samples) variance of a level from the animal's later walk until the path's end.
 
-    What counts is where the animal is in the end: early pulses count less.
+    The position at the end matters, so early pulses count less.
     """
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:

@@ -1,4 +1,4 @@
-"""Leave animals undisturbed: paths that stay far enough from where they may be."""
+"""Avoid disturbing animals: keep paths at a distance from their possible positions."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,12 +15,11 @@ _Real = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeepAway:
-    """A radius around every tag, found or not, and how surely it is kept.
+    """Distance to keep from every tag, found or not.
 
-    `radius_m`: distance over ground that is not to be gone below.
-    `probability`: that a way keeps it, for each tag.
-    `margin`: factor on the radius when planning: an animal may turn meanwhile.
-    `hypotheses`: drawn of each tag.
+    `radius_m`: least distance over ground. `probability`: that a path keeps it, for each tag.
+    `margin`: factor on the radius when planning, as an animal may move. `hypotheses`: number
+    drawn of each tag.
     """
 
     radius_m: float = 50.0
@@ -46,13 +45,10 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """(tags, ways) probability that straight ways keep the planned distance of each tag.
+        """(tags, ways) probability that straight paths keep the planned distance from each tag.
 
-        A tag that may not exist is counted as if it did; one that travels goes on meanwhile.
-
-        `start_m`: east and north.
-        `east_m`, `north_m` (ways,): their ends.
-        `stays_s`: at the end.
+        A doubtful tag counts as existing; a travelling one continues. `start_m`: east and
+        north. `east_m`, `north_m` (ways,): ends. `stays_s`: time at the end.
         """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
@@ -75,7 +71,7 @@ class KeepAway:
 def _nearest_m2(
     x: _Real, y: _Real, speed_x: _Real, speed_y: _Real, span_s: _Real | float
 ) -> _Floats:
-    """Square of the least distance from the origin while something goes on for a time."""
+    """Square of the least distance from the origin during a constant motion."""
     speed2 = np.maximum(speed_x**2 + speed_y**2, 1e-9)
     time = np.clip(-(x * speed_x + y * speed_y) / speed2, 0.0, span_s)
     return np.asarray((x + speed_x * time) ** 2 + (y + speed_y * time) ** 2)

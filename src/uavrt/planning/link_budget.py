@@ -1,11 +1,8 @@
-"""How far a tag is heard: its power, the way, the antenna and the noise, line by line.
+"""Range at which a tag is detected: power, path loss, antenna and noise, term by term.
 
-Energy of a pulse over the noise density, from radiated power to received:
-
-    ENR = EIRP + antenna gain - mismatch - loss + 10 log10(pulse width) - noise density
-
-with the loss of free space, 20 log10(4 pi d / wavelength) (ITU-R P.525), or with the ray that
-the ground reflects as well.
+Energy of a pulse over the noise density, from radiated power to received: ENR = EIRP + antenna
+gain - mismatch - loss + 10 log10(pulse width) - noise density with the loss of free space, 20
+log10(4 pi d / wavelength) (ITU-R P.525), or with the ray that the ground reflects as well.
 """
 
 import math
@@ -15,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from uavrt.planning.propagation import GroundReflection
+from uavrt.units import SPEED_OF_LIGHT_M_S
 
-_LIGHT_M_S = 299_792_458.0
 THERMAL_DBM_HZ = -173.98
 """Noise density of a matched load at 290 K."""
 FARTHEST_M = 100_000.0
@@ -29,11 +26,10 @@ Ground = Literal["two-ray", "free"]
 class LinkBudget:
     """A tag, a drone and the path between them; heights are above the ground.
 
-    `antenna_gain_dbi`: in the direction of the tag.
-    `mismatch_db`: polarization, cables, and an antenna that looks elsewhere.
-    `noise_figure_db`: all that receiver, drone and sky add to the thermal noise.
-    `ground`: whether the ground reflects.
-    `drone_noise_db`: noise of the drone, as measured in flight.
+    `antenna_gain_dbi`: in the direction of the tag. `mismatch_db`: polarization, cables, and an
+    antenna pointing elsewhere. `noise_figure_db`: noise of receiver, drone and sky over the
+    thermal noise. `ground`: the ground reflects. `drone_noise_db`: noise of the drone, as
+    measured in flight.
     """
 
     frequency_hz: float
@@ -49,7 +45,7 @@ class LinkBudget:
 
     @property
     def enr_at_one_metre_db(self) -> float:
-        """ENR [dB] were there one metre of free space between tag and antenna."""
+        """ENR [dB] with one metre of free space between tag and antenna."""
         return (
             self.tag_eirp_dbm
             + self.antenna_gain_dbi
@@ -64,13 +60,13 @@ class LinkBudget:
     @property
     def free_space_db(self) -> float:
         """Loss [dB] of the first metre."""
-        return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / _LIGHT_M_S)
+        return 20.0 * math.log10(4.0 * math.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S)
 
     def enr_db(self, ground_m: np.ndarray, *, rise_m: np.ndarray | float = 0.0) -> np.ndarray:
         """ENR [dB] at distances over the ground [m], of the same shape.
 
-        `rise_m`: by how much the ground beneath the drone lies higher than that of the tag. The
-        reflected ray goes by the heights above the ground at either end.
+        `rise_m`: height of the ground beneath the drone above that of the tag. The reflected
+        ray uses the heights above the ground at either end.
         """
         above = self.drone_height_m - self.tag_height_m
         slant = np.maximum(np.hypot(ground_m, above + rise_m), 1.0)
@@ -85,7 +81,7 @@ class LinkBudget:
     def distance_m(self, needed_db: float) -> float | None:
         """Distance over ground [m], at most 100 km, up to which an ENR is reached everywhere.
 
-        None if it is not reached below the drone.
+        None if it is not reached beneath the drone.
         """
         places = np.concatenate(([0.0], np.geomspace(1.0, FARTHEST_M, _PLACES)))
         short = np.flatnonzero(self.enr_db(places) < needed_db)
@@ -94,7 +90,7 @@ class LinkBudget:
         return None if short[0] == 0 else float(places[short[0] - 1])
 
     def lines(self, needed_db: float, distance_m: float) -> list[tuple[str, float, str]]:
-        """The sum, term by term: what, how much, in which unit."""
+        """The terms of the sum: name, value, unit."""
         enr = float(self.enr_db(np.array([distance_m]))[0])
         loss = self.enr_at_one_metre_db + self.free_space_db - enr
         return [

@@ -15,17 +15,17 @@ from uavrt.planning.vehicle import Legs, Path
 
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
-"""East and north of a straight way's begin and end [m]."""
+"""East and north of a straight path's start and end [m]."""
 _STEP_S = 1.0
 _SAMPLES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """How far apart drones stay: over ground by their ways, and in height.
+    """Distance between drones: over ground between their paths, and in height.
 
-    `margin`: factor on the distance when a planner chooses; less is flown where nothing else is
-    left.
+    `margin`: factor on the distance when a planner chooses; paths with less are flown only if
+    there is no other.
     """
 
     distance_m: float = 25.0
@@ -49,21 +49,21 @@ class OtherDrones:
     listening: tuple[Path, ...] = ()
     """Paths of drones that report: they will receive the pulses there."""
     left: frozenset[int] = frozenset()
-    """Tags that are left to the others."""
+    """Tags that the others search for."""
     strips: tuple[Strip, ...] = ()
     """Straight paths that belong to others at all times, because they share no clock."""
 
     def strips_apart_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """(ways,) least distance of straight ways from all strips."""
+        """(ways,) least distance of straight paths from all strips."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, ways_apart_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """What is left of the ways of those that listen, sampled; None where none does."""
+        """Remaining paths of the reporting drones, sampled; None without any."""
         if not self.listening:
             return None
         shares = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
@@ -87,7 +87,7 @@ class OtherDrones:
 
 
 def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
-    """East and north on a path, at its end afterwards."""
+    """East and north on a path; its end afterwards."""
     return (
         np.interp(time_s, path.time_s, path.east_m),
         np.interp(time_s, path.time_s, path.north_m),

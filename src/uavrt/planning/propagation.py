@@ -1,4 +1,4 @@
-"""Level corrections to plain spreading loss where the ground is known."""
+"""Level corrections to plain spreading loss over known ground."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -6,17 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.units import SPEED_OF_LIGHT_M_S
+
 _Floats = NDArray[np.floating[Any]]
 _STEP_M = 0.5
-_LIGHT_M_S = 299_792_458.0
 
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """The ray from the ground adds to the straight one.
+    """Sum of the direct ray and the ray reflected by the ground.
 
-    The reflected ray is as strong as the Fresnel coefficient of a medium ground says; ten
-    thousand places are read from a table of the distance over ground.
+    The reflected ray has the Fresnel coefficient of medium ground; a table over the distance
+    serves ten thousand positions.
     """
 
     frequency_hz: float = 150e6
@@ -27,7 +28,7 @@ class GroundReflection:
     _tables: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def gain_db(self, ground_m: _Floats, height_m: float) -> _Floats:
-        """Gain [dB] of both rays over the straight one; height: of the drone above the tag."""
+        """Gain [dB] of both rays over the direct one; height: of the drone above the tag."""
         drone_m = height_m + self.tag_height_m
         straight = np.hypot(ground_m, height_m)
         mirrored = np.hypot(ground_m, drone_m + self.tag_height_m)
@@ -35,12 +36,12 @@ class GroundReflection:
         ratio = complex(self.permittivity, -18e9 * self.conductivity_s_m / self.frequency_hz)
         root = np.sqrt(ratio - (1.0 - sine**2))
         coefficient = (sine - root) / (sine + root)
-        phase = 2.0 * np.pi * self.frequency_hz / _LIGHT_M_S * (mirrored - straight)
+        phase = 2.0 * np.pi * self.frequency_hz / SPEED_OF_LIGHT_M_S * (mirrored - straight)
         both = np.abs(1.0 + coefficient * np.exp(-1j * phase))
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """See `uavrt.localization.position.trackers.PathGain`; one height at a time."""
+        """Compute as `uavrt.localization.position.trackers.PathGain`, for one height."""
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:

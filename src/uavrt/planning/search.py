@@ -1,4 +1,4 @@
-"""A search from first pulse to flight home, driven by a process or an experiment."""
+"""A search from the first pulse to the return, driven by a process or an experiment."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ from uavrt.planning.vehicle import VehicleState, Wind, flown, headwind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """A tag that counts as found, as it was then."""
+    """A found tag, with its position at that time."""
 
     time_s: float
     estimate: TrackEstimate
@@ -28,7 +28,7 @@ class Found:
 
 
 class Search:
-    """Beliefs, planner with its random numbers, stop rule and the way home in one."""
+    """Beliefs, planner with its random numbers, stop rule and return."""
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -40,7 +40,7 @@ class Search:
         self._fall = CommonFall()
 
     def check(self, state: VehicleState, battery: Battery | None = None) -> None:
-        """Refuse what cannot be flown, before anything moves.
+        """Refuse a search that cannot be flown, before anything moves.
 
         Raises `PlanError`: a tag without any strength, a start outside the fence or the
         heights, or an area beyond the battery's reach.
@@ -67,13 +67,13 @@ class Search:
             check_reach(area, max(0.0, usable) / (2.0 * per_m))
 
     def listen(self, tag_id: int, time_s: float, heard: Listening) -> None:
-        """Update with a pulse of a tag, or that none was heard when one was due."""
+        """Update with a pulse of a tag or a missed one."""
         belief = self.beliefs[tag_id]
         belief.advance_to(time_s)
         belief.listen(heard)
 
     def judge(self, time_s: float) -> list[int]:
-        """Tags that have just been found."""
+        """Get the tags that have just been found."""
         new = []
         for tag_id, belief in self.beliefs.items():
             if tag_id in self.found:
@@ -88,7 +88,7 @@ class Search:
 
     @property
     def finished(self) -> bool:
-        """Whether every tag is found."""
+        """True if every tag is found."""
         return len(self.found) == len(self.beliefs)
 
     def decide(
@@ -99,7 +99,7 @@ class Search:
         battery: Battery | None = None,
         others: OtherDrones | None = None,
     ) -> Decision:
-        """What to do now: home when it is time, else what the planner says."""
+        """Decide the next action: the return when it is due, else the planner's."""
         self._fall.share(self.beliefs.values())
         decision = self._home(state, wind, battery)
         if decision is None:
@@ -110,7 +110,7 @@ class Search:
         return decision
 
     def near(self, state: VehicleState) -> float:
-        """Probability that an animal is too near, or comes so, while the drone stays."""
+        """Probability that an animal is or comes too close while the drone stays."""
         rule = self.settings.keep_away
         if rule is None:
             return 0.0
@@ -141,7 +141,7 @@ class Search:
     def _way_home_wh(
         self, energy: EnergyModel, state: VehicleState, wind: Wind | None
     ) -> float:
-        """Energy against the reported wind, or else the worst."""
+        """Energy of the return in the reported wind, or else in the worst."""
         settings, home_m = self.settings, self.settings.area.home_m
         air = headwind(state, home_m, settings.worst_wind_m_s) if wind is None else wind
         return energy.way_home_wh(
@@ -162,8 +162,8 @@ class Search:
         return Decision(
             action=Return(),
             reason=(
-                f"{battery.remaining_wh:.1f} Wh left; the way home takes {needed:.1f} Wh, "
-                f"the reserve is {battery.reserve_wh:.1f} Wh"
+                f"{battery.remaining_wh:.0f} Wh left; the return takes {needed:.0f} Wh, "
+                f"the reserve is {battery.reserve_wh:.0f} Wh"
             ),
         )
 
@@ -174,7 +174,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Home instead, where a cycle of the action would use what the way home needs."""
+        """Return instead, if a cycle of the action would use energy that the return needs."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None
@@ -191,12 +191,12 @@ class Search:
         return Decision(
             action=Return(),
             reason=(
-                f"{battery.remaining_wh:.1f} Wh left; {decision.action} takes {used:.1f} Wh "
-                f"and the way home from there {home:.1f} Wh"
+                f"{battery.remaining_wh:.0f} Wh left; {decision.action} takes {used:.0f} Wh "
+                f"and the return from there {home:.0f} Wh"
             ),
         )
 
     def know_energy(self, energy: EnergyModel) -> None:
-        """Use what the battery has taught from now on."""
+        """Use the power learnt from the battery from now on."""
         if self.settings.energy is not None:
             self.settings = replace(self.settings, energy=energy)

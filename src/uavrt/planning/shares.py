@@ -1,4 +1,4 @@
-"""Which tags are whose, of drones that search together."""
+"""Assign tags to drones that search together."""
 
 from collections.abc import Collection, Mapping
 
@@ -8,9 +8,9 @@ from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.division import Start, divided
 
 _STAY_S = 6.0
-"""At a tag of a round: turning to it and its last pulses."""
+"""Time at a tag of a round: a turn towards it and its last pulses."""
 _KNOWN = 0.5
-"""Share of its area's extent: tags whose clouds are wider are looked for by all."""
+"""Share of its area's extent: tags with wider clouds are searched by all drones."""
 
 
 def shared_out(
@@ -21,11 +21,10 @@ def shared_out(
     *,
     speed_m_s: float,
 ) -> dict[int, list[int]]:
-    """Tags of each drone in the order of its round, of those that it is known where they are.
+    """Located tags of each drone in the order of its round.
 
-    `found`: tags that need no more searching.
-    `starts`: where and when each drone's round begins, by its number.
-    `owners`: who had each tag before, by its number.
+    `found`: tags that need no more searching. `starts`: start of each drone's round, by number.
+    `owners`: previous drone of each tag, by number.
     """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)
@@ -48,7 +47,7 @@ def shared_out(
 
 
 def _is_known(belief: TagBelief) -> bool:
-    """Whether it is known in which part of its area a tag is."""
+    """True if it is known in which part of its area a tag is."""
     area = belief.prior.area
     width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
     return belief.spread().rms_m < float(_KNOWN * width)

@@ -1,6 +1,5 @@
 """Input and output of a planner."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
@@ -19,31 +18,31 @@ from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSettings:
-    """What does not change during a search."""
+    """Settings that are constant during a search."""
 
     vehicle: Vehicle
     area: SearchArea
     stop: StopRule
     keep_away: KeepAway | None = None
     energy: EnergyModel | None = None
-    """None: the battery is not looked at (experiments that have none)."""
+    """Energy model; None: the battery is ignored (experiments without one)."""
     worst_wind_m_s: float = 0.0
-    """Wind against the way home that is assumed where none is known."""
+    """Headwind assumed on the return if the wind is unknown."""
     return_height_m: float = 0.0
-    """To which the autopilot climbs before it flies home."""
+    """Height to which the autopilot climbs before it returns."""
     cycle_s: float = 5.0
-    """Time until the next decision, unless the action ends before."""
+    """Time until the next decision, unless the action ends earlier."""
     pulse_s: float = 1.0
-    """Between a tag's pulses."""
+    """Interval between a tag's pulses."""
     threshold_db: float = 10.0
-    """SNR from which a pulse is heard."""
+    """SNR from which a pulse is detected."""
     tag_height_m: float = 0.0
-    """Above ground."""
+    """Height above ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation(SearchSettings):
-    """Everything that a decision may depend on."""
+    """Input of a decision."""
 
     state: VehicleState
     beliefs: Beliefs
@@ -56,13 +55,13 @@ class Situation(SearchSettings):
 
     @classmethod
     def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
-        """Make the situation of a search from its settings and what changes."""
+        """Make the situation of a search from its settings and its changing values."""
         fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
         return cls(**fixed, **now)
 
     @property
     def wanted(self) -> list[TagBelief]:
-        """Tags that are still to be found, and are not left to others."""
+        """Tags that are not found yet and not searched by others."""
         left = frozenset() if self.others is None else self.others.left
         return [one for tag_id, one in self.beliefs.items() if tag_id not in self.found | left]
 
@@ -73,7 +72,7 @@ class Situation(SearchSettings):
 
     @property
     def listener(self) -> Listener:
-        """What of a pulse reaches the drone."""
+        """Reception of pulses at the drone."""
         return Listener(
             above_tags_m=self.above_tags_m, pulse_s=self.pulse_s, threshold_db=self.threshold_db
         )
@@ -81,48 +80,32 @@ class Situation(SearchSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """One of the actions that were weighed."""
+    """One of the rated actions."""
 
     action: Action
     duration_s: float
     nats_per_s: float | None = None
-    """Information that it promises; None: not worked out."""
+    """Expected information per second; None: not computed."""
     refused: str | None = None
     """Why it may not be flown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """What to do next, and why."""
+    """The next action, and why."""
 
     action: Action
     reason: str
-    """For the operator, with figures."""
+    """Reason for the operator; the figures are in `candidates`."""
     candidates: tuple[Candidate, ...] = ()
 
 
 class Planner(Protocol):
     """Decides where to fly next.
 
-    A planner may remember (a survey its line); all randomness is from the situation's
-    generator, so that the same flight gives the same decisions.
+    A planner may have state (a survey its line); all randomness is from the situation's
+    generator, so that equal flights give equal decisions.
     """
 
     def decide(self, situation: Situation) -> Decision:
-        """Choose the next action; called when the last has ended or a cycle is over."""
-
-
-def summary(candidates: Sequence[Candidate]) -> str:
-    """How many candidates there were, the runner-up, and why others were refused."""
-    refused: dict[str, int] = {}
-    for one in candidates:
-        if one.refused is not None:
-            refused[one.refused] = refused.get(one.refused, 0) + 1
-    rates = sorted(
-        (c.nats_per_s for c in candidates if c.nats_per_s is not None and c.refused is None),
-        reverse=True,
-    )
-    words = [f"next best {rates[1]:.3f}/s"] if len(rates) > 1 else []
-    words.append(f"{len(candidates)} candidates")
-    words += [f"{count} refused: {reason}" for reason, count in refused.items()]
-    return "; ".join(words)
+        """Choose the next action; called after each action and each cycle."""

@@ -11,7 +11,7 @@ from uavrt.planning.beliefs import TagBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Whether a tag is found, and why."""
+    """Whether a tag is found, and the reason."""
 
     found: bool
     reason: str
@@ -21,15 +21,15 @@ class StopRule(Protocol):
     """Decides whether a tag counts as found."""
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Judge a tag."""
+        """Decide whether a tag is found."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Information on the place that is missing, roughly; 0 when it is found."""
+        """Approximate information on the position that is missing; 0 when it is found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HonestStop:
-    """The 95 % circle is as small as wished, the tag exists, and the model holds."""
+    """A tag is found if its 95 % circle is small enough, it exists, and the model agrees."""
 
     radius95_m: float = 25.0
     bayes_factor: float = 100.0
@@ -37,12 +37,13 @@ class HonestStop:
     def __post_init__(self) -> None:
         if self.radius95_m <= 0.0 or self.bayes_factor < 1.0:
             raise ConfigError(
-                f"a search until {self.radius95_m:g} m, with evidence of {self.bayes_factor:g}",
+                f"the accuracy of {self.radius95_m:g} m or the evidence of "
+                f"{self.bayes_factor:g} is out of range",
                 remedy="Give a radius above 0 and an evidence of 1 or more",
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """See `StopRule`; the cheap questions come first."""
+        """Decide as `StopRule`; cheap checks come first."""
         rms = belief.spread().rms_m
         # A circle of 95 % is 1.7 times as wide as the root mean square of round clouds, and of
         # long ones twice: clouds beyond the wish need no closer look.
@@ -64,6 +65,6 @@ class HonestStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Halving a radius takes 1.4 nats."""
+        """Missing information: 1.4 nats for each halving of the radius."""
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

@@ -1,8 +1,8 @@
-"""How a drone moves: where it will be, and where its antenna looks, at each instant of a leg.
+"""Motion of a drone: its position and the antenna's direction along a leg.
 
-A multirotor accelerates, turns at its yaw rate and drifts with no wind that it can fly against;
-a fixed wing keeps its airspeed and turns on circles. All legs of a decision are worked out at
-once.
+A multirotor accelerates, turns at its yaw rate and does not drift in wind that it can fly
+against; a fixed wing keeps its airspeed and turns on circles. All legs of a decision are
+computed at once.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleState:
-    """Where the drone is."""
+    """Position, height and heading of the drone."""
 
     time_s: float
     east_m: float
@@ -29,35 +29,35 @@ class VehicleState:
     height_m: float
     """Height above the take-off point."""
     yaw_deg: float = 0.0
-    """Of the nose, clockwise from true north; the antenna looks ahead."""
+    """Heading of the nose, clockwise from true north; the antenna points ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wind:
-    """Where the air goes."""
+    """Motion of the air."""
 
     east_m_s: float = 0.0
     north_m_s: float = 0.0
 
     @property
     def speed_m_s(self) -> float:
-        """How fast."""
+        """Wind speed."""
         return hypot(self.east_m_s, self.north_m_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Path:
-    """Places of the drone at instants of a manoeuvre."""
+    """Positions of the drone at instants of a manoeuvre."""
 
     time_s: _Floats
-    """(n,) the first is one step after the start, the last is the end."""
+    """(n,) from one step after the start to the end."""
     east_m: _Floats
     north_m: _Floats
     height_m: _Floats
     yaw_deg: _Floats
 
     def state(self, number: int) -> VehicleState:
-        """Where the drone is at the instant of this number."""
+        """State of the drone at the instant of this index."""
         return VehicleState(
             time_s=float(self.time_s[number]),
             east_m=float(self.east_m[number]),
@@ -69,10 +69,10 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Straight ways, or turns in place, that a drone could take now, sampled alike."""
+    """Straight paths or turns in place from the present position, sampled alike."""
 
     duration_s: _Floats
-    """(legs,) infinite where the wind is too strong."""
+    """(legs,); infinite if the wind is too strong."""
     time_s: _Floats
     """(legs, samples) from now."""
     east_m: _Floats
@@ -81,7 +81,7 @@ class Legs:
 
 
 class Vehicle(Protocol):
-    """What planners ask of a drone."""
+    """Interface of a drone for planners."""
 
     @property
     def speed_m_s(self) -> float:
@@ -89,12 +89,12 @@ class Vehicle(Protocol):
 
     @property
     def hovers(self) -> bool:
-        """Whether it can stand and turn in place."""
+        """True if it can stand and turn in place."""
 
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """(places,) time of the way to each [s]; infinite against too strong a wind."""
+        """Duration (places,) of the path to each [s]; infinite if the wind is too strong."""
 
     def along(
         self,
@@ -104,11 +104,11 @@ class Vehicle(Protocol):
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Sample the ways to some places (legs,) at times (legs, samples) from now."""
+        """Sample the paths to some positions (legs,) at times (legs, samples) from now."""
 
 
 def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _Floats:
-    """Speed over ground on each course; not positive where the wind is too strong."""
+    """Speed over ground on each course; not positive if the wind is too strong."""
     along = wind.east_m_s * np.sin(course_rad) + wind.north_m_s * np.cos(course_rad)
     across = wind.east_m_s * np.cos(course_rad) - wind.north_m_s * np.sin(course_rad)
     left = airspeed_m_s**2 - across**2
@@ -116,29 +116,29 @@ def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _F
 
 
 def headwind(state: VehicleState, home_m: tuple[float, float], speed_m_s: float) -> Wind:
-    """Wind of a speed that blows straight against the way home."""
+    """Wind of a given speed that blows straight against the return."""
     east, north = home_m[0] - state.east_m, home_m[1] - state.north_m
     against = -speed_m_s / max(hypot(east, north), 1e-9)
     return Wind(east_m_s=against * east, north_m_s=against * north)
 
 
 def _turned_deg(start_deg: float, end_deg: _Floats) -> _Floats:
-    """Shorter way round, (-180, 180]."""
+    """Shorter angle between two headings, (-180, 180]."""
     return np.asarray(180.0 - np.remainder(180.0 - (end_deg - start_deg), 360.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Multirotor:
-    """A drone that can stand in the air."""
+    """A drone that can hover."""
 
     speed_m_s: float = 10.0
     acceleration_m_s2: float = 4.0
-    """Infinite: at speed at once."""
+    """Acceleration; infinite: the speed changes at once."""
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
-    """It looks where it is going to before it goes."""
+    """True: it turns to its course before it moves."""
     airspeed_m_s: float | None = None
-    """Greatest, where an autopilot holds `speed_m_s` over ground against the wind; None:
+    """Greatest airspeed, if the autopilot holds `speed_m_s` over ground against the wind; None:
     `speed_m_s` is the airspeed."""
 
     def __post_init__(self) -> None:
@@ -150,7 +150,7 @@ class Multirotor:
 
     @property
     def hovers(self) -> bool:
-        """It does."""
+        """True."""
         return True
 
     def _ground_speed_m_s(self, course_rad: _Floats, wind: Wind) -> _Floats:
@@ -162,7 +162,7 @@ class Multirotor:
     def _profile(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
-        """(legs,) distance, ground speed, turn [deg], time of the turn, time of the way."""
+        """(legs,) distance, ground speed, turn [deg], durations of the turn and of the leg."""
         dx, dy = east_m - state.east_m, north_m - state.north_m
         distance = np.hypot(dx, dy)
         course = np.arctan2(dx, dy)
@@ -186,7 +186,7 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """See `Vehicle`."""
+        """Compute as `Vehicle`."""
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -198,7 +198,7 @@ class Multirotor:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """See `Vehicle`."""
+        """Compute as `Vehicle`."""
         distance, speed, turn, turning, flying = self._profile(state, east_m, north_m, wind)
         wait = turning if self.turns_first else np.zeros_like(turning)
         moving = np.clip(time_s - wait[:, None], 0.0, flying[:, None])
@@ -219,7 +219,7 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """(legs, samples) metres after a time: faster, steady, slower."""
+        """(legs, samples) distance flown at times: accelerating, steady, braking."""
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -245,7 +245,7 @@ class FixedWing:
 
     @property
     def hovers(self) -> bool:
-        """It does not."""
+        """False."""
         return False
 
     def _turns(
@@ -253,8 +253,8 @@ class FixedWing:
     ) -> tuple[_Floats, _Floats, _Floats]:
         """(legs,) side (+1 right), angle of the circle [rad], straight part [m].
 
-        A place inside both circles is reached by a whole turn the other way: the side whose
-        circle does not hold it.
+        A position inside one circle is reached by the other: the side whose circle does not
+        include it, after a longer turn.
         """
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
@@ -274,7 +274,7 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """See `Vehicle`. The circle is flown in still air, the straight part in the wind."""
+        """Compute as `Vehicle`; the circle in still air, the straight part in the wind."""
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -289,7 +289,7 @@ class FixedWing:
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """See `Vehicle`."""
+        """Compute as `Vehicle`."""
         side, angle, straight = (one[:, None] for one in self._turns(state, east_m, north_m))
         total = self.durations(state, east_m, north_m, wind)
         radius, yaw = self.turn_radius_m, np.radians(state.yaw_deg)
@@ -317,9 +317,9 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Where the drone is at each step of an action.
+    """Positions of the drone at each step of an action.
 
-    Raises `ConfigError`: the wind is too strong for the way.
+    Raises `ConfigError`: the wind is too strong for the path.
     """
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
@@ -354,7 +354,7 @@ def _straight(
 def _in_place(
     vehicle: Vehicle, state: VehicleState, action: Rotate | Hold, wind: Wind, step: float
 ) -> Path:
-    """Stand and turn; a fixed wing flies circles to the right for as long."""
+    """Stand and turn; a fixed wing circles to the right for the same time."""
     count = max(1, round(action.duration_s / step))
     time = np.arange(1, count + 1, dtype=np.float64) * step
     turn = action.turn_deg if isinstance(action, Rotate) else 0.0

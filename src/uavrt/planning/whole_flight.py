@@ -1,11 +1,12 @@
-"""With which probability ``uavrt integrate`` finds a tag, from the energies of its pulses.
+"""Probability that ``uavrt integrate`` finds a tag, from the energies of its pulses.
 
 The weighted sum over a whole flight is nearly normal with a tag; in noise its tail is that of a
-shifted gamma distribution, as the search itself counts it (docs/explanation/whole-flight.md).
+shifted gamma distribution, as in the search itself (docs/explanation/whole-flight.md).
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -16,28 +17,40 @@ from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
-LEAST_PULSES = 12
-"""Fewer than the ordinary detector sums: a shorter flight gains nothing."""
-_DESIGN_ENR = 2.0
-"""Of the weights: as in the search."""
-_PATTERNS = 6.0
-"""Of places that differ, for an antenna that turns."""
-_HYPOTHESES = 6.0
-_SLOT = 0.5
-"""Of a pulse."""
-_ROW_BINS = 0.5
-"""Of one over the pulse width, from one frequency to the next."""
-_DRIFT_SLOTS = 2.0
-"""Of the middle of the flight, between two drifts that have little in common."""
-_LOSS_DB = -0.8
-"""Of slots, frequencies and intervals between cells, less what neighbouring windows hold of a
-pulse: brings 400 pulses of a turning antenna to 2.3 dB, as measured (I2)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeFlightModel:
+    """Constants of the search over a whole flight, as `uavrt.integration` makes it."""
+
+    least_pulses: int = 12
+    """Pulses that the ordinary detector sums: a shorter flight gains nothing."""
+    design_enr: float = 2.0
+    """Energy over noise for which the weights are designed."""
+    patterns: float = 6.0
+    """Number of places that differ, for an antenna that turns."""
+    hypotheses: float = 6.0
+    """Independent hypotheses for each pattern and cell."""
+    slot_pulses: float = 0.5
+    """Length of a slot [pulse widths]."""
+    row_bins: float = 0.5
+    """Distance of two frequencies [1 / pulse width]."""
+    drift_slots: float = 2.0
+    """Shift of the flight's middle between two independent drifts [slots]."""
+    loss_db: float = -0.8
+    """Loss of slots, frequencies and intervals between cells, less what neighbouring windows
+    hold of a pulse [dB]: brings 400 pulses of a turning antenna to 2.3 dB, as measured (I2)."""
+
+
+MODEL = WholeFlightModel()
+
+
 _ENR_DB = np.arange(-40.0, 40.25, 0.25)
 _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
 
 class WholeFlightSum:
-    """What the weighted sum is expected to be for each cell of a map; two passes."""
+    """Expected weighted sum for each cell of a map; two passes."""
 
     def __init__(
         self,
@@ -58,13 +71,13 @@ class WholeFlightSum:
         self._spread: _Singles | None = None
 
     def look(self, energy: _Singles) -> None:
-        """First pass: which pulse is a cell's strongest."""
+        """First pass: find each cell's strongest pulse."""
         if self._strongest is None:
             self._strongest = np.array(energy)
         np.maximum(self._strongest, energy, out=self._strongest)
 
     def add(self, energy: _Singles) -> None:
-        """Second pass: weigh a pulse."""
+        """Second pass: add a weighted pulse."""
         assert self._strongest is not None
         if self._squares is None:
             self._squares, self._cubes = np.zeros_like(energy), np.zeros_like(energy)
@@ -72,20 +85,20 @@ class WholeFlightSum:
             self._shift, self._spread = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         assert self._shift is not None
         assert self._spread is not None
-        gain = np.float32(_DESIGN_ENR) * energy / self._strongest
+        gain = np.float32(MODEL.design_enr) * energy / self._strongest
         weight = gain / (1.0 + gain)
         square = weight * weight
         self._squares += square
         self._cubes += square * weight
         enr_db = 10.0 * np.log10(np.maximum(energy, 1e-9))
         for number, error_db in enumerate(self._errors_db):
-            at = (enr_db + (error_db - _LOSS_DB - _ENR_DB[0])) * 4.0
+            at = (enr_db + (error_db - MODEL.loss_db - _ENR_DB[0])) * 4.0
             row = np.clip(at + 0.5, 0, len(_ENR_DB) - 1).astype(np.int32)
             self._shift[number] += weight * self._mean[row]
             self._spread[number] += square * self._variance[row]
 
     def found(self) -> _Floats:
-        """Probability for each error and cell: (errors, …)."""
+        """Detection probability for each error and cell: (errors, …)."""
         if self._squares is None or self._cubes is None:
             raise ValueError("no pulse was added")
         assert self._shift is not None
@@ -107,11 +120,10 @@ def whole_flight_enr_db(
     *,
     frequency_window_hz: float = 500.0,
 ) -> list[float]:
-    """ENR [dB] of the strongest pulse with which a whole flight finds a tag.
+    """ENR [dB] of the strongest pulse with which a whole flight detects a tag.
 
-    `gain_db` (pulses,): level of each pulse of the flight, from any reference.
-    `probabilities`: of finding it.
-    `frequency_window_hz`: half-width of the search around the tag's frequency.
+    `gain_db` (pulses,): relative level of each pulse of the flight. `probabilities`: detection
+    probabilities. `frequency_window_hz`: half-width of the search around the tag's frequency.
     """
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)
@@ -126,23 +138,23 @@ def whole_flight_enr_db(
 def _log_probability(
     tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
 ) -> float:
-    """Logarithm of the chance of one hypothesis at which a tag counts as found."""
+    """Log-probability of one noise hypothesis at the detection threshold."""
     interval_s = tag.pulse_intervals_s[0]
-    slot_s = _SLOT * tag.pulse_width_s
+    slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s
     intervals = max(1.0, 2.0 * tag.interval_uncertainty_s * pulses / slot_s)
-    rows = 2.0 * frequency_window_hz * tag.pulse_width_s / _ROW_BINS + 1.0
+    rows = 2.0 * frequency_window_hz * tag.pulse_width_s / MODEL.row_bins + 1.0
     alike = 1.55 + 2.42 * tag.interval_jitter_s / tag.pulse_width_s
     rates = len(tag.pulse_intervals_s)
-    count = _HYPOTHESES * _PATTERNS * phases * intervals * rows * rates / alike**2
+    count = MODEL.hypotheses * MODEL.patterns * phases * intervals * rows * rates / alike**2
     sag_slots = most_drift * pulses * interval_s / 4.0 / slot_s
     if sag_slots >= 1.0:
-        count *= 1.0 + sag_slots / _DRIFT_SLOTS
+        count *= 1.0 + sag_slots / MODEL.drift_slots
     return math.log(WHOLE_FLIGHT_FALSE_ALARM) - math.log(count)
 
 
 def _exponentials(tag: Tag) -> float:
-    """How many unit exponentials have a largest as a slot in noise has."""
+    """Number of unit exponentials whose maximum is distributed like a slot of noise."""
     return 2.6 + 6.6 * tag.interval_jitter_s / tag.pulse_width_s
 
 
@@ -150,7 +162,7 @@ def _exponentials(tag: Tag) -> float:
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
     """Deviation and skewness of a slot in noise; mean and variance by a pulse's level.
 
-    The latter two in units of the noise's deviation, the mean from that of noise.
+    The latter two in units of the noise's deviation, the mean relative to that of noise.
     """
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)

@@ -95,10 +95,7 @@ class Series(Generic[S]):
         return self._times[self._count - 1] if self._count else None
 
     def bracket(self, time_ns: int) -> tuple[S, S] | None:
-        """Get the samples just before and after; twice the same on an exact hit.
-
-        None for a time outside of them.
-        """
+        """Samples just before and after a time, or one twice on a hit; None outside of them."""
         index = self._index_from(time_ns)
         if index == self._count:
             return None

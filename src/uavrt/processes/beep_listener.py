@@ -27,10 +27,7 @@ _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
 
 
 class BeepListener:
-    """Searches samples in a thread of its own and collects the senders found.
-
-    `make`: creates a search.
-    """
+    """Searches samples in a thread by what `make` creates, and collects the senders found."""
 
     def __init__(self, make: Callable[[], BeepSearch]) -> None:
         self._make = make

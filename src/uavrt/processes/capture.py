@@ -20,10 +20,7 @@ from uavrt.recording.sample_file import BYTES_PER_SAMPLE
 
 
 class Capture:
-    """Decimates and records until the wanted length is reached or the disk is full.
-
-    Raises `RecordingError` if the file cannot be written.
-    """
+    """Decimates and records until a length or a full disk; raises `RecordingError`."""
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
         assert flight.capture_s is not None

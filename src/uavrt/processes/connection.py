@@ -54,7 +54,7 @@ PEERS = ("autopilot", "ground station")
 
 
 class LinkWatch:
-    """Serves the links at `addresses`, by number; the autopilot's is number 0."""
+    """Keeps the links at `addresses` open, by number; the autopilot's is number 0."""
 
     def __init__(
         self, link: Connection, addresses: Mapping[int, str], memory: SigningMemory | None
@@ -63,15 +63,15 @@ class LinkWatch:
         self._faults: dict[int, str] = {}
         self._heard = (False, False)
         self._stations: frozenset[tuple[int, int]] = frozenset()
-        """Ground stations that were present last."""
+        """Ground stations present at the last check."""
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
-        """Get what serves the links until it is cancelled."""
+        """Get the tasks that serve the links."""
         served = [self._serve(number, address) for number, address in self._addresses.items()]
         return [*served, self._link.keep_time()] if served else []
 
     async def _serve(self, number: int, address: str) -> None:
-        """Open a link, again and again if need be: a missing adapter may be plugged in."""
+        """Open a link repeatedly: a missing adapter may be plugged in."""
         while True:
             try:
                 await self._link.serve(number, address)
@@ -114,13 +114,13 @@ class LinkWatch:
 
 
 class ConnectionProcess:
-    """Makes the parts of the process and gives each its turn; see the module's text."""
+    """Makes the parts of the process and runs each in turn; see the module's text."""
 
     def __init__(self, frame: ProcessFrame) -> None:
         settings, flight = frame.assignment.settings, frame.assignment.flight
         mavlink, now_ns = settings.mavlink, frame.clock.now_ns
         self._frame, self._now_ns = frame, now_ns
-        """A flight's clock differs from this one, by the poses' shift."""
+        """Frame and clock; a flight's clock differs from this one by the poses' shift."""
         self._disk = DiskThread()
         self._poses = PoseDesk(
             settings,

@@ -69,12 +69,10 @@ class _Handler(Protocol):
 
 
 class ConnectionInbox:
-    """Passes each message and record to its part of the process; others are left out.
+    """Passes each message and record to the part that handles it; others are ignored.
 
-    `motion`: None where this drone takes no orders.
-    `ask`: gives a command to the supervisor.
-    `text`: sends a text to the operator.
-    `linked`: there is a link to the ground.
+    `motion`: None if this drone takes no orders. `ask`: sends a command to the supervisor.
+    `text`: sends a text to the operator. `linked`: there is a link to the ground.
     """
 
     def __init__(
@@ -113,7 +111,7 @@ class ConnectionInbox:
             Recorded: pulses.recorded,
             FlightInfo: pulses.begin_flight,
             Beep: status.beep,
-            Operation: lambda record: stations.answer(exchange.progress(record)),
+            Operation: lambda record: stations.answer(exchange.operations.progress(record)),
             CommandReply: self._reply,
             Settings: self._changed,
             StatusText: text,
@@ -131,8 +129,8 @@ class ConnectionInbox:
     def payload(self, payload_type: int, payload: bytes, peer: Peer) -> None:
         """Handle a payload by its row in the table of link messages.
 
-        A seal is checked first: however much arrives under the ids of who has the key, what
-        that station sends is handled. Allowances are for what has no valid seal.
+        A seal is checked first, so that sealed messages are handled however many unsealed ones
+        use the same ids. Allowances apply only to messages without a valid seal.
         """
         if payload_type == SEALED_TYPE:
             opened = self.stations.gate.open(payload, peer.place, self._link.place)
@@ -155,7 +153,7 @@ class ConnectionInbox:
     def _take_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
-        """Handle a command from who may command, or refuse it with the reason."""
+        """Handle a command of an authorised station, or refuse it with the reason."""
         asker, gate = peer.place, self.stations.gate
         self.stations.asked(peer)
         reason = gate.refusal(asker, sealed=sealed)

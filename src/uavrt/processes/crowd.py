@@ -58,10 +58,7 @@ class Crowd:
         return admitted
 
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
-        """Whether to process a message.
-
-        `answers`: messages needed to answer it.
-        """
+        """Whether to process a message; also `answers`, messages that answer it."""
         if place == self._commander:
             admitted = self._own.take(now_ns)
         elif answers:

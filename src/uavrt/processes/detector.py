@@ -290,10 +290,7 @@ def main() -> None:
 
 
 class Searcher:
-    """Feeds blocks to a bank of detectors, and sends what it finds.
-
-    `bank`: the detectors of its tags.
-    """
+    """Feeds blocks to a bank of detectors, and sends what it finds."""
 
     samples_dropped = 0
     """Samples dropped: none, since it waits for the search."""

@@ -1,7 +1,7 @@
 """The estimator process: bearings on the drone, for a ground that receives few of its pulses.
 
-It takes pulses and poses from the hub and sends bearings, at a low priority. Each bearing sums
-up all pulses of a turn, so one message that arrives replaces many lost ones.
+It takes pulses and poses from the supervisor and sends bearings, at a low priority. Each
+bearing summarises all pulses of a turn, so that one received message replaces many lost ones.
 """
 
 import os

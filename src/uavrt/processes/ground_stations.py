@@ -1,6 +1,6 @@
-"""Ground stations of a drone: who may command, and by which link each is answered.
+"""Ground stations of a drone: which one may command, and the link for each answer.
 
-The station that commands has a share of the link of its own, and is answered before pulses.
+The commanding station has its own share of the link, and is answered before pulses.
 """
 
 from collections.abc import Callable
@@ -29,11 +29,11 @@ class GroundStations:
         self._next_session_ns = 0
 
     def asked(self, peer: Peer) -> None:
-        """Answer this station by the link of its last message."""
+        """Set the link of a station's last message as the link for its answers."""
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
-        """Note the station that commands, by the source of its commands."""
+        """Set the commanding station, by the source of its commands."""
         if source is None or not source.startswith(MAVLINK_SOURCE):
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
@@ -42,17 +42,17 @@ class GroundStations:
         self._crowd.commander(place)
 
     def accepted(self, asker: Place) -> None:
-        """Take a station for the one that commands, until the supervisor reports that."""
+        """Treat a station as the commanding one, until the supervisor reports it."""
         if not self._crowd.has_commander:
             self._crowd.commander(asker)
 
     @property
     def passed_over(self) -> int:
-        """Messages that were too many."""
+        """Messages dropped as too many."""
         return self._crowd.passed_over
 
     def admits(self, peer: Peer, answers: int = 0) -> bool:
-        """Whether to handle a message without a seal; who needs one has no share of its own."""
+        """Whether to handle an unsealed message; on a locked link these share one allowance."""
         place = (0, 0) if self.gate.locked else peer.place
         return self._crowd.admits(place, self._now_ns(), answers=answers)
 
@@ -62,13 +62,13 @@ class GroundStations:
         return self._crowd.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
     def file_received(self, peer: Peer, trip_s: float) -> None:
-        """Pace a link by a file's round trip; of others not where the commander's pulses go."""
+        """Adapt a link's rate to a file's round trip; not where the commander's pulses go."""
         others = self._crowd.has_commander and not self._crowd.commands(peer.place)
         if not (others and peer.link == self._link.tunnel.link):
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """How long each ground station was silent; one that has sealed counts only by seals."""
+        """Silence of each ground station; after a first seal, only seals count."""
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
@@ -88,7 +88,7 @@ class GroundStations:
         self._link.tunnel.send_tunnel(payload, priority, self._peer(asker), kind)
 
     def answer_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Report a value: to all, or after the pulses to one who asks without a proof."""
+        """Report a value: to all, or after the pulses to one station without a proof."""
         tunnel = self._link.tunnel
         if asker is None or (self._crowd.commands(asker.place) and not self.gate.locked):
             tunnel.send_message(value)
@@ -96,14 +96,14 @@ class GroundStations:
             tunnel.send_message(value, Priority.OTHER, asker.link)
 
     def answer_sign_of_life(self, payload: bytes, peer: Peer) -> None:
-        """Note a station that knows proofs, and return its nonce."""
+        """Record a station that checks proofs, and return its nonce."""
         self.asked(peer)
         session = self.gate.sign_of_life(payload, peer.place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
     def announce_session(self, now_ns: int) -> None:
-        """Report once a second what commands must be sealed for."""
+        """Announce once a second the session that commands must be sealed for."""
         if now_ns < self._next_session_ns:
             return
         self._next_session_ns = now_ns + SESSION_NS
@@ -112,5 +112,5 @@ class GroundStations:
             self._link.tunnel.send_tunnel(session, Priority.STATUS, payload_type=SESSION_TYPE)
 
     def _peer(self, asker: Place) -> Peer:
-        """Who asked, and by which link."""
+        """The station and the link of its last message."""
         return Peer(*asker, self._asked_on.get(asker, 0))

@@ -64,18 +64,18 @@ class GroundStatus:
         self._asking = False
         self._limiter = TextLimiter()
         self._tag_limiter = TextLimiter()
-        """A limit of its own, so that many tags suppress no warning."""
+        """A separate limit, so that many tags suppress no warning."""
         self._beeps: list[Beep] = []
         self._ppm: float | None = None
         self._next_beep = 0
         self.beeps_left_out = 0
-        """Beeping senders too many to be repeated."""
+        """Beeping senders not repeated because there are too many."""
         self._next_ns: dict[str, int] = {}
         self._state: SystemState | None = None
         """State in the last heartbeat."""
         self._tags = 1
         self._shift_ns = 0
-        """From the clock of our timers to that of the flight."""
+        """Difference from the timers' clock to the flight's."""
         self._busy = _busy_ticks()
 
     @property
@@ -94,7 +94,7 @@ class GroundStatus:
             self._next_ns.pop("heartbeat", None)
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
-            for step in self._exchange.progress_again():
+            for step in self._exchange.operations.again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
             self._send_beep()
@@ -102,12 +102,12 @@ class GroundStatus:
             self._report_computer()
 
     def begin_flight(self, shift_ns: int) -> None:
-        """Report in the time of a new flight, and forget what beeped in the one before."""
+        """Report in the time of a new flight; clear the previous flight's beeping senders."""
         self._shift_ns = shift_ns
         self._beeps.clear()
 
     def forget_beeps(self) -> None:
-        """Forget what beeps: the list of tags is another."""
+        """Clear the beeping senders: the list of tags has changed."""
         self._beeps.clear()
 
     def radio_set(self, radio: RadioSettings) -> None:

@@ -1,7 +1,7 @@
-"""The guide process: makes plans of orders, offers them, and flies what was confirmed.
+"""The guide process: plans orders, offers them, and flies confirmed ones.
 
-It wishes; the connection process, which receives the signs of a takeover, decides. A guide
-that has died is followed by one that knows of no order: nothing goes on unconfirmed.
+It requests motions; the connection process, which receives the signs of a takeover, decides. A
+restarted guide has no order: nothing continues unconfirmed.
 """
 
 import secrets
@@ -22,12 +22,13 @@ from uavrt.guidance.area_text import keep_out_in
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.manners import manners_of
-from uavrt.guidance.offers import HOME_MOVED_M
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
-from uavrt.guidance.search_task import TAG_HEIGHT_M, Equipment
+from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_task import Equipment
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.shared_search import SharedSearch
 from uavrt.heap import heap_of_short_arrays
@@ -65,13 +66,13 @@ InBackground = Callable[[Callable[[], None]], None]
 TICK_S = 0.05
 ALIVE_S = 0.5
 COURSE_S, ASKING_S = 1.0, 0.4
-"""Between two reports of our course, and while a way is asked for."""
+"""Interval between two reports of our course, and while a path is requested."""
 MOST_ASKS = 8
-"""Orders that wait to be planned."""
+"""Most orders waiting to be planned."""
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:
-    """What the settings allow; raises `ConfigError`, `FormatError` as `keep_out_of`."""
+    """Limits of the settings; raises `ConfigError`, `FormatError` as `keep_out_of`."""
     own = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return Limits(**own, keep_out=keep_out_of(settings))
 
@@ -97,7 +98,7 @@ def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
 
 
 def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLosses | None":
-    """What the ground around home takes from pulses; raises `FormatError`."""
+    """Losses of pulses behind the hills around home; raises `FormatError`."""
     if settings.terrain is None:
         return None
     from uavrt.terrain.elevation_files import open_elevation
@@ -105,12 +106,12 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
     elevation = open_elevation(Path(settings.terrain))
     return HillLosses(
-        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=TAG_HEIGHT_M
+        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=SEARCH.tag_height_m
     )
 
 
 def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
-    """People and buildings; raises `ConfigError`, `FormatError` if the file is unusable."""
+    """Excluded areas; raises `ConfigError`, `FormatError` if their file is unusable."""
     name = settings.keep_out_file
     if name is None:
         return ()
@@ -137,13 +138,13 @@ def equipment_of(settings: Settings) -> Equipment:
 
 
 def _height_m(order: Order, now: VehicleNow) -> float:
-    """Above home, that an order is flown at."""
+    """Height above home at which an order is flown."""
     return now.altitude_relative_m if order.height_m is None else order.height_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """An order that was asked for, and what was known then."""
+    """A requested order, and the state when it arrived."""
 
     request: MotionRequest
     order: Order
@@ -156,22 +157,22 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Planned:
-    """What can be offered."""
+    """A plan that can be offered."""
 
     home: tuple[float, float]
-    """That it was planned around."""
+    """Home position of the plan."""
     pilot: Pilot
     limits: Limits
     seeker: Seeker | None
-    """Of a search."""
+    """The search, if the order is one."""
     summary: str
 
 
 class _Planning:
-    """Makes a plan while the guide goes on.
+    """Makes a plan in the background.
 
-    Files of heights take seconds to read, and a guide that is silent for that long ends the
-    order that is being flown.
+    Reading elevation files takes seconds, and a guide that is silent for that long ends the
+    order being flown.
     """
 
     def __init__(self, asked: _Asked, in_background: InBackground) -> None:
@@ -185,7 +186,7 @@ class _Planning:
 
 
 def _plan(asked: _Asked) -> _Planned:
-    """Judge the order by where the vehicle was."""
+    """Plan the order from the vehicle's state at its arrival."""
     guidance, order, now = asked.settings.guidance, asked.order, asked.now
     manners = manners_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
@@ -210,7 +211,7 @@ def _plan(asked: _Asked) -> _Planned:
 
 
 def _tried(make: Callable[[], Found]) -> Found | str:
-    """Get what is made, or why not; a fault of ours or of a broken file is logged, too."""
+    """Get the result or the reason for its failure; unexpected errors are logged, too."""
     try:
         return make()
     except UavrtError as error:
@@ -226,11 +227,10 @@ def in_thread(work: Callable[[], None]) -> None:
 
 
 class Guide:
-    """The state of the process; see the module's text.
+    """State of the process; see the module's text.
 
-    `frame`: its link to the supervisor.
-    `in_background`: starts the planning of an order.
-    `thinker`: makes what runs a search.
+    `frame`: its link to the supervisor. `in_background`: starts the planning of an order.
+    `thinker`: makes the thread of a search.
     """
 
     def __init__(
@@ -243,18 +243,18 @@ class Guide:
         self._in_background, self._make_thinker = in_background, thinker
         guidance = frame.assignment.settings.guidance
         self._lessons = Lessons(guidance.hover_w, guidance.battery_wh)
-        """Of all orders: what flying takes."""
+        """Learnt power of flight, over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
-        """The vehicle's own; None: not known."""
+        """The vehicle's own fence; None: unknown."""
         self._pilot: Pilot | None = None
         self._offered: _Planned | None = None
         self._asks: deque[tuple[MotionRequest, Order]] = deque()
-        """That wait to be planned."""
+        """Orders that wait to be planned."""
         self._planning: _Planning | None = None
         self._thinker: Thinker | None = None
         self._ending: list[Thinker] = []
-        """Of searches that are over, until they have summed up."""
+        """Ended searches that have not sent their summary."""
         flight = frame.assignment.flight
         self._tags: tuple[Tag, ...] = () if flight is None else flight.tags
         self._alive_s = self._course_s = 0.0
@@ -282,7 +282,7 @@ class Guide:
                 self._thinker.searched(record)
 
     def _offer(self, request: MotionRequest) -> None:
-        """Make a plan and offer it; an order that is being flown ends with its confirmation."""
+        """Plan an order and offer it; the present order ends when the new one is confirmed."""
         order = Order.of(request, secrets.randbits(31) | 1)
         if len(self._asks) >= MOST_ASKS:
             busy = "too many orders are being planned. Ask again"
@@ -292,7 +292,7 @@ class Guide:
         self._plan_next()
 
     def _plan_next(self) -> None:
-        """Begin with what was asked first, if nothing is being planned."""
+        """Start to plan the oldest waiting order, if none is being planned."""
         while self._asks and self._planning is None:
             request, order = self._asks.popleft()
             asked = _tried(partial(self._asked, request, order))
@@ -302,10 +302,10 @@ class Guide:
                 self._planning = _Planning(asked, self._in_background)
 
     def _asked(self, request: MotionRequest, order: Order) -> _Asked:
-        """Refuse what needs no plan to be refused."""
+        """Refuse what can be refused without a plan."""
         vehicle = self._vehicle
         if vehicle is None:
-            raise UavrtError("the vehicle is not heard", remedy="Check the autopilot's link")
+            raise UavrtError("no contact with the vehicle", remedy="Check the autopilot's link")
         taking_off = order.action == "takeoff"
         fault = vehicle.takeoff_fault if taking_off else vehicle.fault
         if fault is not None:
@@ -327,7 +327,7 @@ class Guide:
         )
 
     def _take_plan(self) -> None:
-        """Offer what was planned meanwhile, or refuse it."""
+        """Offer the finished plan, or refuse its order."""
         planning = self._planning
         if planning is None or planning.found is None:
             return
@@ -366,7 +366,7 @@ class Guide:
         )
 
     def _fly(self, vehicle: VehicleReport) -> None:
-        """Wish what is due, and say where it goes."""
+        """Request the motion that is due, and report the course."""
         now_s = monotonic_s()
         now = self._now(vehicle, now_s)
         self._wish(vehicle, now, now_s)
@@ -374,12 +374,12 @@ class Guide:
             self._report_course(now, now_s)
 
     def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
-        """What is seen of the vehicle, with what its battery has taught."""
+        """Vehicle state, with the power learnt from its battery."""
         now = now_of(vehicle, now_s)
         return None if now is None else self._lessons.taught(now)
 
     def _wish(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
-        """Wish what is due, while the order that was offered is the one confirmed."""
+        """Request the motion that is due, while the offered order is the confirmed one."""
         offered = self._offered
         if offered is not None and vehicle.order_id == offered.pilot.order.order_id:
             self._begin(offered, vehicle, now)
@@ -410,7 +410,7 @@ class Guide:
             self._frame.send("wish", VehicleWish(order_id=pilot.order.order_id, said=said))
 
     def _begin(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow | None) -> None:
-        """Fly what was offered and is confirmed, from where the vehicle is by now."""
+        """Start the confirmed order from the vehicle's present state."""
         self._end_search(now, "another order was confirmed")
         self._pilot = self._offered = None
         if now is None:
@@ -427,14 +427,14 @@ class Guide:
             self._thinker.begin(self._frame.clock.now_ns(), now)
 
     def _again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
-        """Judge once more what was offered.
+        """Check the offer again at its confirmation.
 
-        The authority knows no home before the offer; fence, ground and way home are of the
-        one that was planned with.
+        The authority has no home before the offer; fence, ground and return must be those of
+        the plan.
         """
-        if distance_m(*offered.home, *now.home) > HOME_MOVED_M:
+        if distance_m(*offered.home, *now.home) > SAFETY.home_moved_m:
             raise PlanError(
-                "home was moved while the order was planned", remedy="Ask for the motion again"
+                "home was moved while the order was planned", remedy="Request the motion again"
             )
         pilot, seeker = offered.pilot, offered.seeker
         self._shared.begin(now.time_s)
@@ -446,7 +446,7 @@ class Guide:
         return Pilot(pilot.order, plan, offered.limits)
 
     def _report_course(self, now: VehicleNow, now_s: float) -> None:
-        """Report where it is going, while a ground station passes it on."""
+        """Report our course, while a ground station passes it on."""
         shared, pilot = self._shared, self._pilot
         every_s = ASKING_S if shared.waits else COURSE_S
         if not shared.speaks(now_s) or now_s - self._course_s < every_s:
@@ -463,7 +463,7 @@ class Guide:
         self._frame.send("wish", VehicleWish(order_id=order_id, ends=True, said=reason))
 
     def _search(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
-        """Give the search the drone's place, and take what it has decided."""
+        """Give the search the drone's position, and process its decisions."""
         time_ns = self._frame.clock.now_ns()
         pilot.among = self._shared.has_others(now.time_s)
         thinker.place(time_ns, now)
@@ -481,7 +481,7 @@ class Guide:
             thinker.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly what was chosen; a way among others only when it was given."""
+        """Fly a decision; among other drones only after the path is assigned."""
         if choice.steps is None or choice.way is None or self._shared.choose(choice, now):
             self._take_up(choice, choice.notes, pilot, now)
             return
@@ -489,7 +489,7 @@ class Guide:
         self._course_s = 0.0
 
     def _await_way(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
-        """Fly the way that was asked for when it is given; go on as before if it is not."""
+        """Fly the requested path once it is assigned; otherwise continue as before."""
         answer = self._shared.answer(now)
         if answer is None:
             return
@@ -511,7 +511,7 @@ class Guide:
             pilot.redirect(choice.steps, now)
 
     def _note(self, notes: Sequence[SearchNote]) -> None:
-        """Record what was decided; report finds and ends to the operator."""
+        """Record decisions; report finds and the end to the operator."""
         for note in notes:
             self.decisions += note.event == "decision"
             self._frame.send("search_note", note)
@@ -520,7 +520,7 @@ class Guide:
                 self._frame.notify(5, f"Search: {note.text}")
 
     def _end_search(self, now: VehicleNow | None, reason: str) -> None:
-        """Let the search sum up; whatever it still thinks moves nothing."""
+        """End the search with its summary; pending decisions are ignored."""
         thinker, self._thinker = self._thinker, None
         self._shared.end()
         if thinker is None:
@@ -530,7 +530,7 @@ class Guide:
         self._ending.append(thinker)
 
     def tick(self) -> None:
-        """Offer what was planned, and record how searches have ended."""
+        """Offer finished plans, and record how searches have ended."""
         self._take_plan()
         for thinker in self._ending:
             for thought in thinker.thoughts():
@@ -542,7 +542,7 @@ class Guide:
 
     @property
     def status(self) -> str:
-        """A word or two."""
+        """State of the process in a word or two."""
         if self._vehicle is None:
             return "waiting for autopilot"
         return "ready" if self._pilot is None else "flying"

@@ -1,11 +1,9 @@
-"""Abort a search that hangs, and identify the tag it was for.
+"""Abort a search that hangs, and identify its tag.
 
-A timer of processor time checks which tag's turn it is (`DetectorGroup.in_hand`); the same turn
-at several checks in a row is a hang. An exception ends it and the process lives on, whereas the
-supervisor would kill it without knowing the tag.
-
-Processor time does not count a stopped process or computer. A hang inside one library call is
-left to the supervisor.
+A timer of processor time checks which tag is being processed (`DetectorGroup.in_hand`); the
+same step at several checks in a row is a hang. An exception ends it and the process continues,
+whereas the supervisor would kill it without knowing the tag. Processor time excludes a stopped
+process or computer. A hang inside one library call is left to the supervisor.
 """
 
 import signal

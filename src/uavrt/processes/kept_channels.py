@@ -9,10 +9,7 @@ from uavrt.recording.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:
-    """Passes channels to their recorder, and reports drops.
-
-    `switched_on`: False keeps none, whatever the settings say.
-    """
+    """Passes channels to their recorder and reports drops; keeps none unless switched on."""
 
     def __init__(
         self, frame: ProcessFrame, flight: FlightInfo, *, switched_on: bool = True

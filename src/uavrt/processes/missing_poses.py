@@ -38,7 +38,7 @@ class AwaitedPoses:
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._patience_s))
 
     def came(self, pulse: Pulse) -> list[Pulse]:
-        """Note a pulse's pose; get the earlier pulses of its tag, whose poses are lost."""
+        """Record a pulse's pose; return the earlier pulses of its tag, whose poses are lost."""
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []

@@ -1,4 +1,4 @@
-"""Commands to the autopilot, each permitted by the authority, and their end by *Take back*."""
+"""Send commands to the autopilot that the authority permits, until *Take back*."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from uavrt.clock import monotonic_s
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.commanded import STALL_S
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Observation
 from uavrt.guidance.offers import WHEN_YOURS
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink.message import Message
@@ -24,7 +24,7 @@ log = get_logger()
 
 Asker = tuple[int, int]
 STANDS_WITHIN_S = 1.5
-"""After this a stop is one without the command to stand."""
+"""Longest wait for the stop command [s]; then control ends without it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,24 +32,24 @@ class Outlets:
     """Where a desk sends its messages."""
 
     command: Callable[[Message], None]
-    """To the autopilot, now."""
+    """Sends a command to the autopilot at once."""
     leaves: Callable[[], bool]
-    """Whether a command would leave now."""
+    """Whether a command could be sent at once."""
     state: Callable[[bytes, Asker | None], None]
-    """A payload of type 60006: to who asked, or to all."""
+    """Sends a payload of type 60006 to one station, or to all."""
     ask: Callable[[Command], None]
-    """To the supervisor."""
+    """Sends a query to the supervisor."""
     record: Callable[[str, object], None]
-    """To the guide, by the hub."""
+    """Sends a record to the guide, through the supervisor."""
     text: Callable[[StatusText], None]
-    """To the operator."""
+    """Sends a text to the operator."""
 
 
 class MotionControl:
-    """The authority over the autopilot found last, and the commands sent for its order.
+    """The authority over the present autopilot, and the commands of its order.
 
-    `own_place`: our system and component id; the vehicle's system is the same.
-    `changed`: called with the time after each change of the standing.
+    `own_place`: our system and component id; the vehicle's system is the same. `changed`:
+    called with the time after each change of state.
     """
 
     def __init__(
@@ -62,12 +62,12 @@ class MotionControl:
         self._settings, self._out = settings, outlets
         self._own_place, self._changed = own_place, changed
         self.authority: Authority | None = None
-        """None: the autopilot is not known."""
+        """None: no known autopilot."""
         self.standing = Standing.OUT
-        """As reported last."""
+        """The last reported state."""
         self.stalls = StallWatch(monotonic_s())
         self.order_id = self.sent = self.refused = 0
-        """The order confirmed last, and its commands."""
+        """The last confirmed order."""
         self._said = ""
         self._late_reported = False
 
@@ -100,38 +100,38 @@ class MotionControl:
         return self._said if late is None else f"{late}: nothing is commanded"
 
     def watch(self, now_s: float) -> None:
-        """Report at once that the standing has changed."""
+        """Report a change of state at once."""
         standing = Standing.OUT if self.authority is None else self.authority.standing
         if standing is not self.standing:
             self.standing = standing
             self._changed(now_s)
 
     def wake(self, now_s: float, *, turn: bool = False) -> None:
-        """Give up control after this process stalled: what it receives now may be old."""
+        """End control after a stall of this process, when messages may be old."""
         pause_s = self.stalls.wake(now_s, turn=turn)
-        if pause_s > STALL_S:
+        if pause_s > SAFETY.stall_s:
             self.end(f"the drone side stood still for {pause_s:.0f} s", now_s)
 
     def see(self, observations: Iterable[Observation], now_s: float) -> None:
-        """Show the authority what the autopilot reported."""
+        """Pass the autopilot's reports to the authority."""
         if self.authority is not None:
             for one in observations:
                 self.authority.see(one)
             self.watch(now_s)
 
     def end(self, reason: str, now_s: float) -> None:
-        """Give up control."""
+        """End control."""
         if self.authority is not None:
             self.authority.stop(now_s, reason)
             self.watch(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Give up control if the autopilot, the guide or the operator is silent."""
+        """End control if the autopilot, the guide or the operator is silent."""
         if self.authority is not None and self.stalls.silence_counts(now_s):
             self.authority.tick(now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Let an order be confirmed; raises `CommandRefused`."""
+        """Offer an order for confirmation; raises `CommandRefused`."""
         authority = self.known
         mode = authority.vehicle.mode_name
         if offer.mode != mode:
@@ -139,7 +139,7 @@ class MotionControl:
         authority.offer(offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff)
 
     def confirm(self, confirmation: MotionConfirmation, now_s: float) -> None:
-        """Begin the order that was offered; raises `CommandRefused`."""
+        """Begin the offered order; raises `CommandRefused`."""
         self.known.confirm(
             confirmation.order_id,
             confirmation.nonce,
@@ -152,13 +152,13 @@ class MotionControl:
 
     @property
     def known(self) -> Authority:
-        """The authority; raises `CommandRefused` while the autopilot is not known."""
+        """Get the authority; raises `CommandRefused` while the autopilot is unknown."""
         if self.authority is None:
             raise CommandRefused("the autopilot is not known")
         return self.authority
 
     def fly(self, wish: VehicleWish, now_s: float) -> bool:
-        """Handle the guide's wish for the present order; True if it asked for a command."""
+        """Handle the guide's request for the present order; True if it contained a motion."""
         authority = self.known
         assert wish.order_id is not None
         self._said = wish.said or self._said
@@ -175,7 +175,7 @@ class MotionControl:
         return True
 
     def command(self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False) -> bool:
-        """Command a wish if the authority permits it and it leaves at once; True if sent."""
+        """Send a motion's command if it is permitted and can leave at once; True if sent."""
         authority = self.known
         try:
             if not self._out.leaves():
@@ -191,7 +191,7 @@ class MotionControl:
         return True
 
     def _report_late(self, authority: Authority) -> None:
-        """Report once what keeps an order from being flown, if it is the link."""
+        """Report once if the link's delay keeps an order from being flown."""
         late = authority.vehicle.late
         if late is None or authority.standing is Standing.OUT or self._late_reported:
             return
@@ -200,7 +200,7 @@ class MotionControl:
 
 
 class TakeBack:
-    """*Take back*: the drone is commanded to stand where it is, then control ends."""
+    """*Take back*: command the drone to stop where it is, then end control."""
 
     def __init__(self, settings: GuidanceSettings, control: MotionControl) -> None:
         self._settings, self._control = settings, control
@@ -208,17 +208,17 @@ class TakeBack:
 
     @property
     def under_way(self) -> bool:
-        """Whether control is to end as soon as the command to stand can be sent."""
+        """True until the stop command is sent."""
         return self._by_s > 0.0
 
     def begin(self, now_s: float) -> None:
-        """Stand if it is ours, and give up control; end what is offered."""
+        """Stop the drone if it flies our command, end control, and withdraw any offer."""
         if self._control.authority is not None:
             self._by_s = self._by_s or now_s + STANDS_WITHIN_S
             self.go_on(now_s)
 
     def go_on(self, now_s: float) -> None:
-        """Give up control once the command to stand is sent, or `STANDS_WITHIN_S` is over."""
+        """End control once the stop command is sent, or after `STANDS_WITHIN_S`."""
         authority = self._control.authority
         if authority is None or not self.under_way:
             return

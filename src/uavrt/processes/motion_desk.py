@@ -1,8 +1,8 @@
 """Motion control at the link: orders in, commands out, the authority in between.
 
-Belongs to the connection process. The autopilot's messages reach `Authority` here before
-anything else is done with them; what the guide wishes becomes a command here or is dropped.
-Orders come sealed, but for a simulator that says that it is one, on this computer.
+Belongs to the connection process. The autopilot's messages reach `Authority` before anything
+else uses them; the guide's requests become commands here or are dropped. Orders must be sealed,
+except for a simulator that identifies itself, on this computer.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,13 +24,11 @@ from uavrt.processes.reported_autopilot import ReportedAutopilot
 
 
 class MotionDesk:
-    """Passes each message to the parts that it concerns, in the order that keeps it safe.
+    """Passes each message to the parts that need it, in a safe order.
 
-    `settings`: the drone's.
-    `outlets`: where its messages go.
-    `own_place`: our system and component id; the vehicle's system is the same.
-    `next_request_id`: numbers for commands.
-    `autopilot_link`: by which the autopilot is reached.
+    `settings`: the drone's. `outlets`: destinations of its messages. `own_place`: our system
+    and component id; the vehicle's system is the same. `next_request_id`: numbers for commands.
+    `autopilot_link`: link to the autopilot.
     """
 
     def __init__(
@@ -56,7 +54,7 @@ class MotionDesk:
         self.neighbours = NeighbourReports(outlets, autopilot, own_place)
 
     def autopilot_found(self) -> None:
-        """Start over: it is another autopilot, or the first."""
+        """Reset: it is another autopilot, or the first."""
         now_s = monotonic_s()
         self.control.see([Boot(now_s)], now_s)
         self.control.use(None)
@@ -68,8 +66,7 @@ class MotionDesk:
     ) -> None:
         """Handle a message of the autopilot.
 
-        `age_s`: how long ago it arrived.
-        `late_s`: how long it was on its way, where the autopilot's clock is known.
+        `age_s`: time since its arrival. `late_s`: its delay, if the autopilot's clock is known.
         """
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)
@@ -83,7 +80,7 @@ class MotionDesk:
             self._fence.vehicle(message, now_s)
 
     def wish(self, wish: VehicleWish) -> None:
-        """Handle the guide's wishes for the vehicle."""
+        """Handle the guide's requested motions."""
         now_s, authority = monotonic_s(), self.control.authority
         self.control.wake(now_s)
         if authority is None:
@@ -101,9 +98,9 @@ class MotionDesk:
             self.control.watch(now_s)
 
     def tick(self, silent_s: Mapping[Asker, float]) -> None:
-        """Do what is due.
+        """Do periodic work.
 
-        `silent_s`: for how long each ground station was not heard.
+        `silent_s`: silence of each ground station.
         """
         now_s = monotonic_s()
         self.control.wake(now_s, turn=True)

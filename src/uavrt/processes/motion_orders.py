@@ -1,4 +1,4 @@
-"""Orders of ground stations: checked, asked of the supervisor, offered and confirmed."""
+"""Orders of ground stations: checked, authorised by the supervisor, offered and confirmed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,14 +19,15 @@ log = get_logger()
 
 PENDING = 16
 ANSWERS_WITHIN_S = 2.0
-"""The supervisor on a confirmation, then who confirmed has given up."""
+"""Longest wait for the supervisor at a confirmation; then the station has given up."""
 SENDER_S = 10.0
-"""Silence after which another station may report other drones: two would give the same way."""
+"""Silence after which another station may report other drones: two could assign the same
+path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
-    """What the supervisor was asked."""
+    """A query to the supervisor."""
 
     name: CommandName
     about: MotionRequest | MotionConfirmation
@@ -35,7 +36,7 @@ class _Question:
 
 
 class MotionOrders:
-    """Orders that wait for an answer; `next_request_id` numbers questions to the supervisor."""
+    """Orders that wait for an answer; `next_request_id` numbers queries to the supervisor."""
 
     def __init__(
         self,
@@ -52,17 +53,15 @@ class MotionOrders:
         self._pending: dict[int, _Question] = {}
         self._offered_to: Asker | None = None
         self.refused = 0
-        """Orders that were not sealed, or could not be read."""
+        """Orders that were unsealed or invalid."""
 
     def receive(
         self, payload: bytes, asker: Asker, refusal: str | None, *, sealed: bool
     ) -> None:
         """Handle a ground station's message about motion.
 
-        `payload`: of type 60005, its seal opened.
-        `asker`: the station.
-        `refusal`: why this station may not command.
-        `sealed`: it proved the drone's key.
+        `payload`: of type 60005, unsealed. `asker`: the station. `refusal`: why this station
+        may not command. `sealed`: it had a valid seal.
         """
         try:
             message = decode_motion(payload, asker)
@@ -136,7 +135,10 @@ class MotionOrders:
         now_s, control = monotonic_s(), self._control
         try:
             if control.known and asker != self._offered_to:
-                raise CommandRefused("another station asked", remedy="Ask for it yourself")
+                raise CommandRefused(
+                    "another station requested this order",
+                    remedy="Request it from this station",
+                )
             control.confirm(confirmation, now_s)
         except CommandRefused as error:
             self._reports.answer("refused", str(error), asker, confirmation.request_id)
@@ -145,7 +147,7 @@ class MotionOrders:
         self._reports.confirmed(asker, confirmation.request_id, now_s)
 
     def offer(self, offer: MotionOffer) -> None:
-        """Handle what the guide would fly, or why not; report it to who asked."""
+        """Handle the guide's offer or refusal; report it to the requesting station."""
         answer, asker, number = self._reports.answer, offer.asker, offer.request_id
         if offer.refused:
             answer("refused", offer.summary, asker, number)

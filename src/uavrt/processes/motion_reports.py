@@ -27,7 +27,7 @@ class MotionReports:
         self._out, self._control, self._autopilot = outlets, control, autopilot
         self._silent_s: Mapping[Asker, float] = {}
         self._confirmer: Asker | None = None
-        """Who confirmed the order: its silence counts, whoever else is heard."""
+        """Station that confirmed the order; only its silence counts."""
         self._request: tuple[Asker, int] | None = None
         self._answered: bytes | None = None
         """Answer to the last request for a motion."""
@@ -43,7 +43,7 @@ class MotionReports:
         order_id: int = 0,
         nonce: int = 0,
     ) -> None:
-        """Answer a station, or report to all if `asker` is None."""
+        """Answer a station, or all if `asker` is None."""
         authority = self._control.authority
         state = MotionState(
             kind=kind,
@@ -59,7 +59,7 @@ class MotionReports:
         self._out.state(payload, asker)
 
     def is_repeated(self, asker: Asker, request_id: int) -> bool:
-        """Whether a request is the last one, sent again; then repeat its answer, if known."""
+        """True if a request repeats the last one; then repeat its answer, if known."""
         if (asker, request_id) != self._request:
             self._request, self._answered = (asker, request_id), None
             return False
@@ -74,7 +74,7 @@ class MotionReports:
         self.report(now_s)
 
     def standing_changed(self, now_s: float) -> None:
-        """Report at once whether orders are flown."""
+        """Report at once whether orders are being flown."""
         control = self._control
         ended = control.authority if control.standing is Standing.OUT else None
         log.info(
@@ -100,19 +100,19 @@ class MotionReports:
         self.answer("state", self._control.text, None, 0)
 
     def stations_silent(self, silent_s: Mapping[Asker, float]) -> None:
-        """Take for how long each ground station was silent."""
+        """Set the silence of each ground station."""
         self._silent_s = silent_s
 
     @property
     def _ground_silent_s(self) -> float:
-        """Of the station that confirmed what is flown; without an order, of any."""
+        """Silence of the station that confirmed the order; without an order, the shortest."""
         silent_s = self._silent_s
         if self._control.standing is Standing.OUT or self._confirmer is None:
             return min((NEVER_S, *silent_s.values()))
         return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
 
     def report(self, now_s: float) -> None:
-        """Show the guide how things are."""
+        """Report the vehicle's state to the guide."""
         self._next_report_s = now_s + REPORT_S
         self._out.record("vehicle", self._vehicle_report(now_s))
 
@@ -140,6 +140,6 @@ class MotionReports:
     def _fault(
         self, authority: Authority, now_s: float, *, takeoff: bool = False
     ) -> str | None:
-        """Why nothing, or no take-off, can be offered now."""
+        """Why no order, or no take-off, can be offered now."""
         fault = authority.fault(now_s, takeoff=takeoff)
         return self._autopilot.link_fault if fault is None else f"{fault[0]}. {fault[1]}"

@@ -39,10 +39,7 @@ WAIT_S = 1.5
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
-    """Get the receiver's address; None for a mast.
-
-    Raises `ConfigError` if a setting is missing or the address is invalid.
-    """
+    """Get the receiver's address, None for a mast; raises `ConfigError` if it is invalid."""
     if settings.source == "fixed":
         missing = [
             name

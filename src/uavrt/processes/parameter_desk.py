@@ -143,10 +143,7 @@ class ParameterDesk:
                 self._send(self._server.value(name), None)
 
     def running(self, running: bool) -> None:
-        """Set whether detection runs and is to go on.
-
-        The state comes before the reply to the command that has changed it.
-        """
+        """Set whether detection runs, before the reply to the command that has changed it."""
         changed, self._running = self._running is not running, running
         if changed and not self._is_pending(RUN.name):
             self._send(self._server.value(RUN.name), None)

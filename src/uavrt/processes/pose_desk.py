@@ -63,7 +63,7 @@ class PoseDesk:
         self.shift_ns = 0
         """The flight's clock less ours."""
         self._clock_is_stale = False
-        """The autopilot's clock is carried on: poses are marked so."""
+        """True while the autopilot's clock is extrapolated; poses are then marked."""
         self._ring = PoseRing(settings.antenna)
         self._own: OwnPose | None = None
         self._period_ns = POSE_PERIOD_NS
@@ -103,7 +103,7 @@ class PoseDesk:
             self._ring.clear()
 
     def watch_clock(self, stale: bool, counters: Callable[[], Mapping[str, float]]) -> None:
-        """Report when the autopilot no longer says what its clock shows, and when it does."""
+        """Report when the autopilot stops and resumes reporting its clock."""
         if stale == self._clock_is_stale:
             return
         self._clock_is_stale = stale
@@ -159,14 +159,14 @@ class PoseDesk:
         ]
 
     def _by_the_clock(self, pose: Pose) -> Pose:
-        """Mark a pose whose time is carried on."""
+        """Mark a pose if its time is extrapolated."""
         if not self._clock_is_stale or pose.extrapolated:
             return pose
         self._on_stale_clock += 1
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Get what a station's own pose lacks; report it when that changes."""
+        """Get what is missing for the station's own pose; report changes."""
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

@@ -17,7 +17,9 @@ from uavrt.messages import Delivered, PulsePose
 from uavrt.recording.spool import undelivered
 from uavrt.tunnel.burst import BURST_TYPE, encode_burst
 from uavrt.tunnel.private import Receipt
-from uavrt.tunnel.reliable import PLAIN, ItemKey, ReliableSender
+from uavrt.tunnel.reliable import ReliableSender
+from uavrt.tunnel.stores import PLAIN
+from uavrt.tunnel.underway import ItemKey
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -68,15 +70,15 @@ class PulseOutlet:
         if directory not in self._flights:
             self._flights.append(directory)
         if resumed:
-            self.sender.disk_has_news()
+            self.sender.stores.disk_has_news()
 
     def disk_has_news(self) -> None:
         """Note that a pulse was recorded that is missing here."""
-        self.sender.disk_has_news()
+        self.sender.stores.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:
         """Add a pulse with its pose."""
-        self.sender.add(pulse_pose.pulse.key, pulse_pose)
+        self.sender.pulses.add(pulse_pose.pulse.key, pulse_pose)
 
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
@@ -95,15 +97,15 @@ class PulseOutlet:
         self.receipts += 1
         new = self.sender.receipt(receipt.store, receipt.hashes, place, now_ns)
         self._delivered(receipt.store, new, now_ns)
-        return receipt.store in self.sender.proven, self.sender.fresh_trip_s
+        return receipt.store in self.sender.stores.proven, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
         """Note what was sent to stations without receipts; read from disk as room permits."""
-        self._delivered(PLAIN, self.sender.sent_plain(), now_ns)
+        self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)
         due = now_ns >= self._next_refill_ns and not self._reading
-        store = self.sender.wanted() if due else None
+        store = self.sender.pulses.wanted() if due else None
         if store is not None:
             self._next_refill_ns = now_ns + REFILL_PERIOD_NS
             self._refill(store)
@@ -112,15 +114,15 @@ class PulseOutlet:
         """Counts with names for a health record."""
         sender = self.sender
         return {
-            "pulses_to_send": sender.waiting,
-            "pulses_unacknowledged": sender.in_flight,
+            "pulses_to_send": sender.pulses.waiting,
+            "pulses_unacknowledged": len(sender.underway),
             "pulses_sent": sender.first_sends,
             "pulses_sent_again": sender.repeats,
             "pulses_acknowledged": sender.acknowledged_pulses,
-            "pulses_put_back": sender.put_back,
+            "pulses_put_back": sender.pulses.put_back,
             "receipts": self.receipts,
             "receipts_bad": self.bad_receipts,
-            "receipts_of_too_many": sender.stores_refused,
+            "receipts_of_too_many": sender.stores.refused,
             **({"burst_insides_sent": sender.insides_sent} if sender.insides_sent else {}),
         }
 
@@ -138,16 +140,16 @@ class PulseOutlet:
 
     def _refill(self, store: int) -> None:
         """Read pulses from the newest flight that has any."""
-        sender = self.sender
-        without = sender.keys(store) | {k for number, k in self._recent if number == store}
-        room = min(REFILL, sender.room(store))
+        sender, pulses = self.sender, self.sender.pulses
+        without = pulses.keys(store) | {k for number, k in self._recent if number == store}
+        room = min(REFILL, pulses.room(store))
         newest_first = tuple(reversed(self._flights))
         self._reading = True
-        sender.reading(store)
+        sender.stores.note_on_disk(store, on_disk=False)
         job = partial(_read, newest_first, store, room, without)
         if not self._disk(job, partial(self._refilled, store)):
             self._reading = False
-            sender.refill(store, (), more=True)
+            pulses.refill(store, (), more=True)
 
     def _refilled(self, store: int, result: tuple[list[PulsePose], bool]) -> None:
         self._reading = False
@@ -155,7 +157,7 @@ class PulseOutlet:
         items = [(item.pulse.key, item) for item in found]
         # Some may have arrived while the disk was read.
         new = [(key, item) for key, item in items if (store, key) not in self._recent]
-        self.sender.refill(store, new, more=more)
+        self.sender.pulses.refill(store, new, more=more)
 
 
 def _read(

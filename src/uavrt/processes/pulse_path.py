@@ -23,12 +23,12 @@ from uavrt.tunnel.exchange import Exchange
 log = get_logger()
 
 FIRST_REFILL_NS = 4_000_000_000
-"""By then the recorder has committed what the process before this one sent and delivered: what
-the disk has then and no ground station, is to be sent."""
+"""Wait for the recorder's commit after a start [ns]; pulses on the disk that no ground station
+has are then sent."""
 
 
 class PulsePath:
-    """Pulses of the flight that runs; nothing is sent without a `linked` ground."""
+    """Pulses of the current flight; nothing is sent without a `linked` ground."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class PulsePath:
         self._named_values = NamedValues(
             frame.assignment.settings.mavlink.named_values,
             wanted=lambda: link.other_station_present,
-            pulses_wait=lambda: self.outlet.sender.waiting > 0,
+            pulses_wait=lambda: self.outlet.sender.pulses.waiting > 0,
         )
         link.tunnel.add_source(self.outlet.sender, Priority.PULSE)
         link.tunnel.add_source(self._named_values, Priority.VALUE)
@@ -92,13 +92,13 @@ class PulsePath:
         sender = self.outlet.sender
         sender.station_present(self._link.station_present, now_ns)
         self.outlet.tick(now_ns)
-        if sender.unanswered(now_ns):
+        if sender.underway.unanswered(now_ns):
             self._link.tunnel.unanswered(now_ns)
 
     def pass_on(self, pulse_poses: Iterable[PulsePose]) -> None:
-        """Give pulses with their pose to the recorder and to the ground.
+        """Send pulses with their pose to the recorder and to the ground.
 
-        The recorder has made up for a pose that this process was too late with.
+        If a pose came too late, the recorder has already replaced it.
         """
         for pulse_pose in pulse_poses:
             if self._delivery.let_out(pulse_pose.pulse.key):
@@ -106,7 +106,7 @@ class PulsePath:
                 self._send(pulse_pose)
 
     def made_up(self, pulse_pose: PulsePose) -> None:
-        """Send a pulse to which the recorder has given a pose."""
+        """Send a pulse whose pose the recorder has computed."""
         if self._delivery.let_out(pulse_pose.pulse.key):
             self._send(pulse_pose)
 
@@ -132,10 +132,10 @@ class PulsePath:
 
     def receipt(self, payload: bytes, place: tuple[int, int]) -> None:
         """Handle a ground station's receipt."""
-        now_ns, sender = self._now_ns(), self.outlet.sender
-        before = sender.stores, sender.proven
+        now_ns, stores = self._now_ns(), self.outlet.sender.stores
+        before = stores.present, stores.proven
         proven, trip_s = self.outlet.receipt(payload, place, now_ns)
-        if sender.stores - before[0] or sender.proven - before[1]:
+        if stores.present - before[0] or stores.proven - before[1]:
             self._delivery.station_came()
         if proven:
             self._link.tunnel.rate.acknowledged(trip_s, now_ns)
@@ -146,7 +146,7 @@ class PulsePath:
         self._send_record("delivered", replace(delivered, time_ns=time_ns))
 
     def _go_on_from(self, found: tuple[str, dict[int, tuple[int, int]]]) -> None:
-        """Take the tags that were heard in this flight before the process began."""
+        """Restore the tags that were received in this flight before this process began."""
         directory, heard = found
         if directory == self._directory:
             self._heard_tags.heard_before({tag: end_ns for tag, (_, end_ns) in heard.items()})
@@ -154,9 +154,9 @@ class PulsePath:
 
     @property
     def unsent(self) -> int:
-        """Pulses that wait for a pose, to be sent, or for a receipt."""
+        """Pulses that wait for a pose, for sending, or for a receipt."""
         sender = self.outlet.sender
-        return self._poses.pulses_waiting + sender.waiting + sender.in_flight
+        return self._poses.pulses_waiting + sender.pulses.waiting + len(sender.underway)
 
     def counters(self) -> dict[str, float]:
         """Counts with names for a health record."""
@@ -167,7 +167,7 @@ class PulsePath:
 
 
 def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:
-    """Get what the flight's database has of each tag, nothing if it cannot be read."""
+    """Get the tags in the flight's database; empty if it cannot be read."""
     try:
         return directory, heard_tags(directory)
     except RecordingError as error:

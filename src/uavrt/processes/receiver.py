@@ -244,7 +244,11 @@ class Receiver:
             return
         self._next_loss_report_s = 2.0 * lost_s
         share = self.samples_lost / max(self.samples + self.samples_lost, 1)
-        frame.notify(4, f"Radio has lost {lost_s:.1f} s of samples ({100.0 * share:.1f} %)")
+        frame.notify(
+            4,
+            f"The radio lost {lost_s:.1f} s of samples so far ({100.0 * share:.1f} %): pulses "
+            "in them are missed. Check its USB cable and this computer's load",
+        )
 
     def forget(self, *, failed: bool = True) -> None:
         """Restart the filters, because the next samples do not continue the last."""

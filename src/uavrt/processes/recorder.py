@@ -113,8 +113,7 @@ class Recorder:
         if flight is None:
             return
         self._make_up(self._awaited.all())
-        for health in self._health.last():
-            flight.write_health(health)
+        flight.write(*self._health.last())
         try:
             flight.close()
         except RecordingError as error:
@@ -141,8 +140,8 @@ class Recorder:
             return
         try:
             flight = FlightRecorder.reopen(root)
-            while pulses := flight.without_pose(MOST_LOOKED_UP):
-                flight.write_pulse_poses(found := self._posed(flight, pulses))
+            while pulses := flight.database.without_pose(MOST_LOOKED_UP):
+                flight.write_pulses(found := self._posed(flight, pulses))
                 flight.commit()
                 self._pass_on(found)
             flight.close()
@@ -219,18 +218,13 @@ class Recorder:
                 self._take_pulse_poses([record])
                 return
             case Poses():
-                flight.write_poses(record)
+                flight.write(*record.poses)
             case Health():
-                for health in self._health.to_record(record):
-                    flight.write_health(health)
+                flight.write(*self._health.to_record(record))
             case StatusText():
                 flight.write_status_text(record, now_ns)
-            case SearchReport():
-                flight.write_search_report(record)
-            case Beep():
-                flight.write_beep(record)
-            case SearchNote():
-                flight.write_search_note(record)
+            case SearchReport() | Beep() | SearchNote():
+                flight.write(record)
             case CommandReply():
                 command = self._commands.pop(record.request_id, None)
                 if command is not None:
@@ -239,12 +233,12 @@ class Recorder:
 
     def _correct_tags(self, flight: FlightInfo) -> None:
         if self._flight is not None and self._flight.layout.root == Path(flight.directory):
-            self._flight.write_tags(flight.tags)
+            self._flight.write(*flight.tags)
             self._times.others_wait(monotonic_s())
 
     def _take_pulse_poses(self, pulse_poses: list[PulsePose]) -> None:
         if self._flight is not None:
-            self._flight.write_pulse_poses(pulse_poses)
+            self._flight.write_pulses(pulse_poses)
             self._unsaid.extend(one.pulse.key for one in pulse_poses)
             self._times.pulses_wait(monotonic_s())
 
@@ -252,7 +246,7 @@ class Recorder:
         """Find recorded pulses whose pose is still open."""
         if self._flight is None:
             return
-        found = self._flight.without_pose(MOST_LOOKED_UP)
+        found = self._flight.database.without_pose(MOST_LOOKED_UP)
         self._look_again = len(found) == MOST_LOOKED_UP
         for pulse in found:
             self._awaited.add(pulse, monotonic_s())
@@ -271,7 +265,9 @@ class Recorder:
         found = [
             made_up(
                 pulse,
-                flight.poses_around((pulse.start_time_ns + pulse.end_time_ns) // 2, REACH_NS),
+                flight.database.poses_around(
+                    (pulse.start_time_ns + pulse.end_time_ns) // 2, REACH_NS
+                ),
                 self._antenna,
             )
             for pulse in pulses
@@ -362,17 +358,17 @@ class Recorder:
         if flight is None:
             return {}
         return {
-            "pulses_recorded": flight.committed_pulses,
-            "pulses_repeated": flight.repeated_pulses,
+            "pulses_recorded": flight.database.committed_pulses,
+            "pulses_repeated": flight.database.repeated_pulses,
             "pulses_without_pose": self._without_pose,
             "poses_made_up": self._poses_made_up,
             "poses_awaited": len(self._awaited),
             "health_left_out": self._health.left_out,
             "records_waiting": flight.waiting_records,
             "records_dropped": flight.dropped_records,
-            "records_refused": flight.refused_records,
+            "records_refused": flight.database.refused_records,
             "commits_failed": flight.failed_commits,
-            "disk_syncs": flight.syncs,
+            "disk_syncs": flight.database.syncs,
         }
 
 

@@ -26,10 +26,7 @@ class SigningKept(msgspec.Struct):
 
 
 class SigningMemory:
-    """Keeps the times of one `Signing`.
-
-    `directory`: where the file is.
-    """
+    """Keeps the times of one `Signing` in a file of a directory."""
 
     def __init__(self, signing: Signing, directory: Path) -> None:
         self._signing = signing

@@ -1,6 +1,6 @@
 """Detection of pauses of this process, after which received messages may be old. Pure."""
 
-from uavrt.guidance.commanded import STALL_S
+from uavrt.guidance.safety import SAFETY
 
 LATE_S = 0.2
 """Longest time between two turns of the process, which come every 50 ms, before it is late [s].
@@ -31,12 +31,12 @@ class StallWatch:
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:
-                self._silence_counts_from_s = now_s + STALL_S
+                self._silence_counts_from_s = now_s + SAFETY.stall_s
             self._late_turns = LATE_TURNS
         elif turn:
             self._late_turns = max(0, self._late_turns - 1)
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """Whether the autopilot is silent itself: not for `STALL_S` while turns are late."""
+        """Whether the autopilot itself is silent: not for `SAFETY.stall_s` after late turns."""
         return not self.late or now_s >= self._silence_counts_from_s

@@ -1,7 +1,7 @@
-"""Runs the search planner in a thread, so that decisions do not block the guide.
+"""Run the search planner in a thread, so that decisions do not block the guide.
 
-The guide must show that it lives and look at the battery while the planner weighs its ways; the
-search's beliefs belong to the thread alone, all its input waits in one queue.
+The guide must send heartbeats and watch the battery while the planner rates paths. The search's
+beliefs belong to the thread alone; all its input passes through one queue.
 """
 
 import queue
@@ -10,14 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.log import get_logger
 from uavrt.messages import Neighbour, PulsePose, SearchNote, SearchReport
 
 log = get_logger()
 
-CYCLE_S = 5.0
-"""Time between two decisions while the drone is under way [s]."""
 LEAST_S = 0.5
 """Time between two decisions while it waits [s]."""
 AGAIN_S = 2.0
@@ -78,14 +77,14 @@ class Thinker:
             self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
-        """Whether no request is open and the last is long enough ago."""
-        due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else CYCLE_S))
+        """True if no request is open and the last is long enough ago."""
+        due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else SEARCH.cycle_s))
         return not self._thinking and now.time_s >= due_s
 
     def withdraw(self, now: VehicleNow) -> None:
         """Report that the last choice is not flown; a new one follows soon."""
         self._put(self._seeker.withdraw)
-        self._asked_s, self._again_s = now.time_s - CYCLE_S, now.time_s + AGAIN_S
+        self._asked_s, self._again_s = now.time_s - SEARCH.cycle_s, now.time_s + AGAIN_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
         """Request the summary, which comes as the last result."""

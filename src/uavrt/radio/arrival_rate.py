@@ -25,10 +25,7 @@ _OTHER: Final = 0.1
 
 
 class ArrivalRate:
-    """Monitors one stream of samples.
-
-    `rate_hz`: the requested rate.
-    """
+    """Monitors one stream of samples of a requested rate."""
 
     def __init__(self, rate_hz: float) -> None:
         self.wrong_hz: float | None = None

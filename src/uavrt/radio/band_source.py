@@ -107,10 +107,7 @@ class BandDatagramSource(DatagramSource):
 
 
 class ByteJoiner:
-    """Joins pieces of a stream of bytes to complex64 samples; pure.
-
-    `take` gives the samples before a gap, then those after it.
-    """
+    """Joins bytes to complex64 samples; `take` gives those before a gap, then those after."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -129,10 +126,7 @@ class ByteJoiner:
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Add the next piece, before which `lost` pieces were lost.
-
-        Raises `ValueError` if the samples before the last gap have not been taken.
-        """
+        """Add a piece after `lost` ones; raises `ValueError` until the last gap was taken."""
         if self.has_gap:
             raise ValueError("read what comes before the gap first")
         if lost:

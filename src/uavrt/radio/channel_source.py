@@ -115,10 +115,7 @@ class ChannelDatagramSource(DatagramSource):
 
 
 class FrameOrder:
-    """Puts stamped frames in order; pure.
-
-    `sample_rate_hz`: of the frames.
-    """
+    """Puts stamped frames of a sample rate in order; pure."""
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate_hz = sample_rate_hz

@@ -151,7 +151,6 @@ def clean(samples: NDArray[np.complex64], what: str) -> int:
 
     A single NaN would spoil a detector's noise level for good. One dot product detects them:
     for 87 ms at 3 MS/s 0.03 ms in a warm cache, 0.2 ms in a cold one.
-
     Raises `FormatError` if there are too many, or values too large for samples.
     """
     values = samples.view(np.float32)

@@ -16,7 +16,7 @@ c with probability exp(-n c / u). While losses happen, half of that evidence is 
 
 A lateness that rises evenly, faster than by any crystal, means a source slower than real
 time: a slow disk, network or computer before the pipe. Nothing is lost then, and arrival times
-are not used.
+are not used. Until that is known, only a clear step counts as a loss in a pipe.
 """
 
 import math
@@ -68,13 +68,23 @@ _SURE_SHARE: Final = 0.0008
 """Share of `_SHARE_S` lost that no crystal explains: none is 800 ppm slow."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
-_RAMPS: Final = ((5.0, 0.09, 2.0, 0.005), (20.0, 0.02, 1.2, 0.0))
-"""Limits that identify a slow source: span [s], rise of lateness, and scatter about a line. The
-rise is a share of the span, the scatter in jitters plus a share of the rise. Losses of a
-twentieth of the samples scatter by more, even losses of 1 ms."""
-_LEAST_POINTS: Final = 6
-_MAY_SCATTER: Final = 0.015
-"""Scatter, as a share of the rise, below which a loss waits: the source may be slow."""
+_PACE_BIN_S: Final = 0.25
+"""Stretch of which the least delay is kept to measure the source's pace [s]."""
+_UNSETTLED_BINS: Final = 2
+"""Newest bins left out: a stall there may not have been made up yet."""
+_PACE_SPANS: Final = ((5.0, 0.4), (10.0, 0.7))
+"""Spans over which the pace is measured [s], and the scatter below which it is even. At 0.9 to
+0.995 times real time it is 0.1 to 0.5 and 0.1 to 0.9, also on a loaded computer. Losses of 1 to
+15 % of the samples scatter by at least 0.54 and 0.93, those of 5 ms by twice that."""
+_UNEVEN: Final = 3.0
+"""Scatter over its limit from which the delays rise by steps."""
+_SLOW_RATE: Final = 0.003
+"""Least rise of the delay of a slow source, as a share of the time."""
+_SCATTER_S: Final = 0.0005
+_SCATTER_SHARE: Final = 0.002
+"""Unit of the scatter: seconds plus a share of the rise."""
+_STEP: Final = 2.0
+"""Least height of a step over the rise of the delays before and after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,9 +145,10 @@ class LossFinder:
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
         self._found_s = 0.0
-        self._points: deque[tuple[float, float]] = deque()
-        """End and least delay of each cell [s], without correction for losses."""
-        self._least_delay_s = math.inf
+        self._delays: deque[tuple[float, float]] = deque()
+        """Place and size of the least delay of each bin [s], not corrected for losses."""
+        self._stepped = self._still = False
+        """Whether the delays have risen by steps; or do not rise now."""
         self.behind = False
         """Whether the source is slower than real time."""
         self._began_s: float | None = None
@@ -161,7 +172,8 @@ class LossFinder:
             self._late_from_s = None
         elif self._late_from_s is None:
             self._late_from_s = since_s
-        self._least_delay_s = min(self._least_delay_s, arrived_s - at_s + self._found_s)
+        if self._may_be_slow:
+            self._measure_pace(at_s - self._found_s, arrived_s)
         single = self._lowest_s == math.inf
         self._lowest_s = min(self._lowest_s, late_s)
         begin_s, before_s = self._from
@@ -176,17 +188,12 @@ class LossFinder:
         )
         self._learn_jitter(cell)
         self._cells.append(cell)
-        self._points.append((at_s - self._found_s, self._least_delay_s))
-        self._least_delay_s = math.inf
-        while self._points[0][0] < self._points[-1][0] - _RAMPS[-1][0] - cell.length_s:
-            self._points.popleft()
         self._from = (at_s, arrived_s)
         self._lowest_s = math.inf
         self._ask(cell)
         self._learn_usual()
-        self.behind = self._may_be_slow and any(self._rises(*ramp) for ramp in _RAMPS)
         loss = self._judge()
-        if loss is None or self.behind or self._may_fall_behind():
+        if loss is None or (self._may_be_slow and not self._is_credible(loss)):
             return None
         self._take(loss)
         return loss
@@ -218,42 +225,61 @@ class LossFinder:
         if self.question_s is not None:
             self.question_s += seconds
 
-    def _rises(self, span_s: float, share: float, jitters: float, scatter: float) -> bool:
-        """Whether the lateness has risen evenly over a span; see `_RAMPS`."""
-        end_s, late_s = self._points[-1]
-        if late_s - self._points[0][1] < share * span_s:
-            return False  # nearly always
-        if self._points[0][0] > end_s - span_s:
-            return False
-        newest = [point for point in self._points if point[0] >= end_s - span_s]
-        return self._even(newest, share, jitters, scatter)
+    def _measure_pace(self, received_s: float, arrived_s: float) -> None:
+        """Update `behind`, `_stepped` and `_still` whenever a bin is full.
 
-    def _may_fall_behind(self) -> bool:
-        """Whether an apparent loss may be the first delay of a slow source."""
-        if not self._may_be_slow:
-            return False
-        span_s, share, jitters, _ = _RAMPS[0]
-        low_s = 2.0 * self.jitter_s + _FLOOR_S
-        count = 0
-        for cell in reversed(self._cells):
-            if cell.late_s <= low_s or cell.end_s < self._cells[-1].end_s - span_s:
+        `received_s`: seconds of samples that have arrived.
+        """
+        delay_s, delays = arrived_s - received_s, self._delays
+        if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
+            if delay_s < delays[-1][1]:
+                delays[-1] = (received_s, delay_s)
+            return
+        for span_s, limit in _PACE_SPANS:
+            if not delays or received_s - delays[0][0] < span_s:
                 break
-            count += 1
-        points = [self._points[at] for at in range(-min(count, len(self._points)), 0)]
-        return self._even(points, share, jitters, _MAY_SCATTER)
+            rise, scatter = self._line(received_s - span_s)
+            self._still = rise < _SLOW_RATE
+            self._stepped = self._stepped or scatter >= _UNEVEN * limit
+            self.behind = self.behind or (not self._still and scatter <= limit)
+        if delays and delays[0][0] < received_s - _PACE_SPANS[-1][0] - _PACE_BIN_S:
+            delays.popleft()
+        delays.append((received_s, delay_s))
 
-    def _even(
-        self, points: list[tuple[float, float]], share: float, jitters: float, scatter: float
-    ) -> bool:
-        """Whether points lie on a line whose slope is at least `share`."""
-        if len(points) < _LEAST_POINTS:
-            return False
-        at_s, late_s = np.array(points).T
-        at_s = at_s - at_s.mean()
-        slope = float(at_s @ late_s / (at_s @ at_s))
-        rest_s = float((late_s - late_s.mean() - slope * at_s).std())
-        rise_s = slope * float(at_s[-1] - at_s[0])
-        return slope >= share and rest_s <= jitters * self.jitter_s + scatter * rise_s
+    def _line(self, begin_s: float) -> tuple[float, float]:
+        """Rise of the delays for each second, and their scatter about a line, relative.
+
+        A delay that is made up later is a stall. Of the rest, the line takes the earliest 70 %.
+        """
+        settled = [point for point in self._delays if point[0] >= begin_s]
+        at_s, delay_s = np.array(settled).T
+        delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
+        at_s = at_s[:-_UNSETTLED_BINS] - begin_s
+        if len(at_s) < _LEAST_CELLS or delay_s[-1] - delay_s[0] < 0.5 * _SLOW_RATE * at_s[-1]:
+            return 0.0, 0.0
+        taken = np.ones(len(at_s), bool)
+        for _ in range(3):
+            x, y = at_s[taken], delay_s[taken]
+            rise = float((x - x.mean()) @ y / ((x - x.mean()) @ (x - x.mean())))
+            rest_s = delay_s - y.mean() - rise * (at_s - x.mean())
+            scatter_s = float(rest_s[taken].std())
+            taken = rest_s <= np.quantile(rest_s, 0.7)
+        return rise, scatter_s / (_SCATTER_S + _SCATTER_SHARE * rise * float(at_s[-1]))
+
+    def _is_credible(self, loss: Loss) -> bool:
+        """Whether the source has lost samples, and is not just slow: the delay made a step."""
+        if self.behind or self._stepped or (self._still and not loss.sharp):
+            return not self.behind
+        late_s = [cell.late_s for cell in self._cells]
+        count = sum(cell.begin_s >= loss.since_s for cell in self._cells)
+        after_s, before_s = late_s[-count:], late_s[-2 * count : -count]
+        half = count // 2
+        rises_s = sum(
+            max(min(part[-half:]) - min(part[:half]), 0.0)
+            for part in (before_s, after_s)
+            if part
+        )
+        return min(after_s) - min(before_s, default=0.0) >= _STEP * rises_s
 
     def _learn_jitter(self, cell: _Cell) -> None:
         """Track the mean fall from cell to cell: losses make none, jitter its mean."""

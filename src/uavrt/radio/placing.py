@@ -202,7 +202,7 @@ class Placer:
         """Log the first loss at once, later ones summed over ten seconds of the stream."""
         self._unsaid += lost
         if self.index >= self._say_again:
-            log.warning(
+            log.info(
                 "samples lost",
                 count=self._unsaid,
                 seconds=round(self._unsaid / self._rate_hz, 3),

@@ -15,10 +15,7 @@ PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if ro
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
-    """Arguments of the radio's program, with samples to stdout.
-
-    Raises `ConfigError` for an unsupported setting.
-    """
+    """Arguments of the radio's program for samples to stdout; raises `ConfigError`."""
     program = PROGRAMS[_known(settings.kind)]
     gain = (program.default_gain or 0) if settings.gain is None else settings.gain
     lowest, highest = program.gains

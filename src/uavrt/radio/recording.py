@@ -89,11 +89,7 @@ class _FileBytes:
 
 
 class RecordingSource:
-    """Samples of a recording, as fast as they can be read.
-
-    `stored`: the file, if it is not on this machine. Raises `FormatError` if the file cannot be
-    opened, or holds no samples.
-    """
+    """Samples of a recording, as fast as they can be read; raises `FormatError`."""
 
     def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
         check_rates(layout.sample_rate_hz, layout.center_frequency_hz)
@@ -149,10 +145,7 @@ class RecordingSource:
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue at another sample of the file.
-
-        `place`: counted from 0 over all segments; at the end of the file nothing is left.
-        """
+        """Continue at another sample, counted over all segments; at the end nothing is left."""
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:

@@ -14,7 +14,7 @@ import struct
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.errors import FormatError, RadioError
+from uavrt.errors import FormatError, RadioError, os_errors_as
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.formats import SampleFormat, clean
@@ -204,11 +204,9 @@ def _enlarge_pipe(descriptor: int) -> int:
     """Make a pipe as large as allowed; return its size, 0 if it is none."""
     import fcntl  # here: recordings are read where there is none
 
-    try:
+    with os_errors_as(RadioError, f"cannot read descriptor {descriptor}"):
         if not stat.S_ISFIFO(os.fstat(descriptor).st_mode):
             return 0
-    except OSError as error:
-        raise RadioError(f"cannot read descriptor {descriptor}: {error.strerror}") from error
     for size in _PIPE_SIZES:
         try:
             return fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, size)

@@ -250,10 +250,7 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples known to be lost; return how many the arrivals have not shown yet.
-
-        The caller's index skips these.
-        """
+        """Skip samples known to be lost; return how many the arrivals have not shown yet."""
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _CREDIT_S:
             self._credit_s = 0.0
@@ -336,6 +333,8 @@ class TimeKeeper:
             slope = float(centred @ (delay - mean_d)) / spread
             slope = min(max(slope, -_MAX_RATE_ERROR), SLOWEST_RATE)
             offset = mean_d - slope * mean_x
+        # No crystal makes the delay leap: the source is slow, or samples are lost.
+        offset = min(offset, self._model_s(pivot) + _FAR_S)
         self._offset_s, self._slope, self._pivot_s = offset, slope, pivot
 
 

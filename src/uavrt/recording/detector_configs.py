@@ -21,7 +21,7 @@ from uavrt.config.tag_rules import (
     MIN_FREQUENCY_HZ,
     MIN_PULSE_WIDTH_MS,
 )
-from uavrt.errors import FormatError, RecordingError
+from uavrt.errors import FormatError, RecordingError, os_errors_as
 from uavrt.foreign import SETTINGS, read_file
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.units import hz_from_mhz, mhz_from_hz
@@ -121,26 +121,15 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
         pairs.append(("name", " ".join(tag.name.split())))
     lines = ["##################################################"]
     lines += [f"{key}:\t{value}" for key, value in pairs]
-    try:
+    with os_errors_as(RecordingError, f"cannot write {path}", remedy="Free space on the disk"):
         write_atomically(path, "\n".join(lines) + "\n")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {path}: {error.strerror}", remedy="Free space on the disk"
-        ) from error
 
 
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
-    """Read the last record of a file, ours or an original's.
-
-    Raises `FormatError` if it is unreadable or a needed key is missing or out of bounds.
-    """
+    """Read the last record of a file, ours or an original's; raises `FormatError`."""
     name = os.fspath(path)
-    try:
+    with os_errors_as(FormatError, f"cannot read {name}", remedy="Check the name"):
         text = read_file(path, SETTINGS).decode("utf-8", "replace")
-    except OSError as error:
-        raise FormatError(
-            f"cannot read {name}: {error.strerror}", remedy="Check the name"
-        ) from error
     records: list[dict[str, str]] = [{}]
     for line in text.splitlines():
         if line.startswith("#"):
@@ -211,10 +200,7 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Read MATLAB's ``[lo, hi; lo, hi]``; the original's ``[Inf, -Inf]`` is none.
-
-    Raises `ValueError` unless these are pairs of numbers, the lower one first.
-    """
+    """Read MATLAB's ``[lo, hi; …]``; ``[Inf, -Inf]`` is none. Raises `ValueError`."""
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

@@ -56,10 +56,7 @@ class Flight:
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, also while it is being written, without most health records.
-
-    Raises `FormatError` if there is no flight, or its database is damaged.
-    """
+    """Read a flight, also in progress, without most health records; raises `FormatError`."""
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),

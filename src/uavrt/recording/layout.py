@@ -29,7 +29,7 @@ from typing import TypeAlias
 
 from uavrt.clock import flight_stamp
 from uavrt.config.radios import RADIOS
-from uavrt.errors import RecordingError
+from uavrt.errors import RecordingError, os_errors_as
 
 Stamp: TypeAlias = tuple[int, int]
 """Size and last change [ns since 1970] of a flight's database and its log."""
@@ -109,14 +109,13 @@ class FlightLayout:
         for tag_id in tag_ids:
             directories.append(self.tag_config(tag_id).parent)
             directories.append(self.tag_pulse_pose_log(tag_id).parent)
-        try:
+        with os_errors_as(
+            RecordingError,
+            f"cannot make the flight directory {self.root}",
+            remedy="Free space, or set [recording] directory to a writable place",
+        ):
             for directory in directories:
                 directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot make the flight directory {self.root}: {error.strerror}",
-                remedy="Free space, or set [recording] directory to a writable place",
-            ) from error
 
 
 def new_flight_directory(
@@ -136,16 +135,15 @@ def new_flight_directory(
 
 def require_writable(directory: Path) -> None:
     """Make a directory for flights, or raise `RecordingError` if it cannot be written."""
-    try:
+    with os_errors_as(
+        RecordingError,
+        f"flights cannot be saved in {directory}",
+        remedy="Set recording.directory, or --flight-dir, to a writable place",
+    ):
         directory.mkdir(parents=True, exist_ok=True)
         probe = directory / ".writable"
         probe.touch()
         probe.unlink()
-    except OSError as error:
-        raise RecordingError(
-            f"flights cannot be saved in {directory}: {error.strerror}",
-            remedy="Set recording.directory, or --flight-dir, to a writable place",
-        ) from error
 
 
 def stamp_of(flight: str) -> Stamp:

@@ -15,10 +15,10 @@ _COUNTED = "detection_status = 'confirmed' AND ghost_of_tag_id IS NULL"
 _HEARD = (
     f"SELECT tag_id, count(*) FILTER (WHERE {_COUNTED}),"
     f" min(start_time_ns) FILTER (WHERE {_COUNTED}),"
-    f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns)"
+    f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns), count(*)"
     " FROM pulses GROUP BY tag_id"
 )
-"""Of each tag its number of pulses and the end of the last of any status, in one pass."""
+"""Of each tag its number of pulses, and the last end and the number of any status."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -41,6 +41,8 @@ class FlightOutline:
     end_time_ns: int
     """Time of the last record [ns]."""
     heard: dict[int, HeardTag]
+    all_pulses: int
+    """Number of pulses of any status, also of ghosts."""
     of_ground: bool
     """Whether a ground station recorded it; else the drone did."""
     vehicle: str | None
@@ -65,22 +67,26 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
         database.execute("BEGIN")  # one lock for all that follows
         info = flight_info(database, Path(directory))
         of_tags = database.execute(_HEARD).fetchall()
-        ends = [info.start_time_ns, *(end_ns for *_, end_ns in of_tags)]
+        ends = [info.start_time_ns, *(end_ns for *_, end_ns, _ in of_tags)]
         for table in ("poses", "search_reports"):
             ends += database.execute(f"SELECT max(time_ns) FROM {table}").fetchone()
+        end_time_ns = max(int(one) for one in ends if one is not None)
+        if end_time_ns >= LATEST_NS:
+            raise ValueError("a time in it is invalid")
         notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
         heard = {
             int(tag_id): HeardTag(
                 pulses=int(pulses), first_ns=int(first_ns), last_ns=int(last_ns)
             )
-            for tag_id, pulses, first_ns, last_ns, _ in of_tags
+            for tag_id, pulses, first_ns, last_ns, _, _ in of_tags
             if pulses
         }
         vehicle = vehicle_of(notes)
         return FlightOutline(
             info=info,
-            end_time_ns=max(int(one) for one in ends if one is not None),
+            end_time_ns=end_time_ns,
             heard=heard,
+            all_pulses=sum(count for *_, count in of_tags),
             of_ground=vehicle is not None or any(text == GROUND_NOTE for _, text in notes),
             vehicle=vehicle,
             battery_percent=battery_levels(notes),

@@ -63,10 +63,7 @@ def _inside_from_record(record: dict[str, Any]) -> BurstInside:
 
 
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
-    """Make a pulse with pose from a record.
-
-    Raises `ValueError`, `KeyError` or `TypeError` if a field is missing or of the wrong kind.
-    """
+    """Make a pulse with pose; raises `ValueError`, `KeyError`, `TypeError` for wrong fields."""
     pulse = Pulse(
         **{
             name: _finite_or_nan(one.from_record(record[name]))

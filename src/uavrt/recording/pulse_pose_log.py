@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, os_errors_as
 from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
 from uavrt.on_earth import is_attitude, place_on_earth
@@ -123,12 +123,8 @@ def read_pulse_pose_log(
     Damaged lines are reported to `warn`, else logged. Raises `FormatError` if it is unreadable,
     or most lines are no pulses.
     """
-    try:
+    with os_errors_as(FormatError, f"cannot read {os.fspath(path)}", remedy="Check the name"):
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
-    except OSError as error:
-        raise FormatError(
-            f"cannot read {os.fspath(path)}: {error.strerror}", remedy="Check the name"
-        ) from error
     lines = text.split("\n")
     finished, rest = lines[:-1], lines[-1]
     found: list[PulsePose] = []

@@ -18,10 +18,7 @@ _SAME_HZ = 500.0
 
 
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:
-    """Name unnamed tags by the ground station's list near their flight.
-
-    `directory`: of the flight; the list is in the same folder, or in ``ground`` there.
-    """
+    """Name unnamed tags by the ground station's list in the flight's folder, or ``ground``."""
     listed = tuple(tags)
     if all(tag.name for tag in listed):
         return listed

@@ -491,20 +491,17 @@ class Participant:
         self._read_topics[shared.name] = topic
 
     def _add_services(self) -> None:
-        """Offer the parameters: a topic of requests and one of replies.
-
-        Clients find the two by a common identifier.
-        """
+        """Offer the parameters: topics of requests and replies with a common identifier."""
         for number, (service, (request, answer)) in enumerate(SERVICES.items()):
             bare = self._participant.guid.bytes[:15] + bytes([number])
             mark = f"serviceid={'.'.join(f'{byte:02x}' for byte in bare)};"
             name = f"{PARAMETER_NODE}/{service}"
             row = RosTopic(
-                name=f"{name}Request",
-                message=request,
-                publisher="",
+                f"{name}Request",
+                request,
+                "",
+                service,
                 subscribers=(PARAMETER_NODE,),
-                meaning=service,
                 burst=SERVICE_BURST,
                 per_s=SERVICE_PER_S,
             )

@@ -4,7 +4,7 @@ It is the original system's graph (thesis Fig. 2.1), so that its tools go on wor
 endpoints, the type hashes and the documentation derive from it. `OWN_TOPICS` are additional.
 """
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from uavrt.ros2.messages import (
     DiagnosticArray,
@@ -45,15 +45,16 @@ def detector_node(tag_id: int) -> str:
     return f"Detector_tag_{tag_id}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class RosTopic:
     """One row of the table."""
 
     name: str
     message: type[RosMessage]
     publisher: str
-    subscribers: tuple[str, ...] = ()
     meaning: str
+    _: KW_ONLY
+    subscribers: tuple[str, ...] = ()
     depth: int = 10
     """Messages kept for a subscriber that missed some."""
     burst: int = 20
@@ -73,17 +74,17 @@ TOPICS: dict[str, RosTopic] = {
     topic.name: topic
     for topic in (
         RosTopic(
-            name="antenna_pose",
-            message=PoseStamped,
-            publisher=TELEMETRY,
-            meaning="where the antenna is and how it points, twice a second",
+            "antenna_pose",
+            PoseStamped,
+            TELEMETRY,
+            "where the antenna is and how it points, twice a second",
         ),
         RosTopic(
-            name="pulse",
-            message=RosPulse,
-            publisher=DETECTOR,
+            "pulse",
+            RosPulse,
+            DETECTOR,
+            "a pulse as detected; with frequency 0 a detector's sign of life",
             subscribers=(TELEMETRY,),
-            meaning="a pulse as detected; with frequency 0 a detector's sign of life",
             # A group of K pulses of many tags comes at once; ten would not outlast a lost
             # datagram.
             depth=100,
@@ -93,103 +94,103 @@ TOPICS: dict[str, RosTopic] = {
             commands=False,
         ),
         RosTopic(
-            name="burst",
-            message=RosBurst,
-            publisher=DETECTOR,
-            meaning="the pulses inside a coded tag's burst, itself a pulse elsewhere",
+            "burst",
+            RosBurst,
+            DETECTOR,
+            "the pulses inside a coded tag's burst, itself a pulse elsewhere",
             depth=100,
         ),
         RosTopic(
-            name="pulse_pose",
-            message=RosPulsePose,
-            publisher=TELEMETRY,
+            "pulse_pose",
+            RosPulsePose,
+            TELEMETRY,
+            "a pulse with the antenna's pose at its centre",
             subscribers=(COMMAND,),
-            meaning="a pulse with the antenna's pose at its centre",
             depth=100,
             burst=0,
             per_s=0.0,
             commands=False,
         ),
         RosTopic(
-            name="control_start_subprocess",
-            message=DiagnosticArray,
-            publisher=COMMAND,
+            "control_start_subprocess",
+            DiagnosticArray,
+            COMMAND,
+            "start detecting",
             subscribers=(START_STOP,),
-            meaning="start detecting",
         ),
         RosTopic(
-            name="control_stop_subprocess",
-            message=DiagnosticArray,
-            publisher=COMMAND,
+            "control_stop_subprocess",
+            DiagnosticArray,
+            COMMAND,
+            "stop detecting",
             subscribers=(START_STOP,),
-            meaning="stop detecting",
         ),
         RosTopic(
-            name="store_tag_information",
-            message=RosTag,
-            publisher=COMMAND,
+            "store_tag_information",
+            RosTag,
+            COMMAND,
+            "a tag to look for",
             subscribers=(START_STOP,),
-            meaning="a tag to look for",
             depth=200,
             burst=UPLOAD_BURST,
             per_s=UPLOAD_PER_S,
         ),
         RosTopic(
-            name="store_coded_tag_information",
-            message=RosCodedTag,
-            publisher=COMMAND,
+            "store_coded_tag_information",
+            RosCodedTag,
+            COMMAND,
+            "a coded tag to look for",
             subscribers=(START_STOP,),
-            meaning="a coded tag to look for",
             depth=200,
             burst=UPLOAD_BURST,
             per_s=UPLOAD_PER_S,
         ),
         RosTopic(
-            name="release_tag_information",
-            message=Flag,
-            publisher=COMMAND,
+            "release_tag_information",
+            Flag,
+            COMMAND,
+            "that was the last tag",
             subscribers=(START_STOP,),
-            meaning="that was the last tag",
         ),
         RosTopic(
-            name="control_airspy_csdr_netcat_subprocess",
-            message=DiagnosticArray,
-            publisher=START_STOP,
+            "control_airspy_csdr_netcat_subprocess",
+            DiagnosticArray,
+            START_STOP,
+            "the radio is started or stopped",
             subscribers=(AIRSPY,),
-            meaning="the radio is started or stopped",
         ),
         RosTopic(
-            name="control_channelizer_subprocess",
-            message=DiagnosticArray,
-            publisher=START_STOP,
+            "control_channelizer_subprocess",
+            DiagnosticArray,
+            START_STOP,
+            "the receiver is started or stopped",
             subscribers=(CHANNELIZER,),
-            meaning="the receiver is started or stopped",
         ),
         RosTopic(
-            name="control_detector_subprocess",
-            message=DiagnosticArray,
-            publisher=START_STOP,
+            "control_detector_subprocess",
+            DiagnosticArray,
+            START_STOP,
+            "a tag's detector is started; all are stopped",
             subscribers=(DETECTOR,),
-            meaning="a tag's detector is started; all are stopped",
             depth=200,
         ),
         RosTopic(
-            name="status_airspy_csdr_netcat_subprocess",
-            message=DiagnosticArray,
-            publisher=AIRSPY,
-            meaning="the radio's state, twice a second; an echo after each control message",
+            "status_airspy_csdr_netcat_subprocess",
+            DiagnosticArray,
+            AIRSPY,
+            "the radio's state, twice a second; an echo after each control message",
         ),
         RosTopic(
-            name="status_channelizer_subprocess",
-            message=DiagnosticArray,
-            publisher=CHANNELIZER,
-            meaning="the receiver's state, twice a second; an echo after each control message",
+            "status_channelizer_subprocess",
+            DiagnosticArray,
+            CHANNELIZER,
+            "the receiver's state, twice a second; an echo after each control message",
         ),
         RosTopic(
-            name="status_detector_subprocess",
-            message=DiagnosticArray,
-            publisher=DETECTOR,
-            meaning="each tag's detector, twice a second; an echo after each control message",
+            "status_detector_subprocess",
+            DiagnosticArray,
+            DETECTOR,
+            "each tag's detector, twice a second; an echo after each control message",
         ),
     )
 }

@@ -21,11 +21,7 @@ GATEWAYS_NAMED = 20
 
 
 class Inbox:
-    """Messages in the order of their arrival, those of commands before those of pulses.
-
-    `now_ns`: monotonic time [ns]. `closed`: disabled topics: each message is dropped and
-    counted.
-    """
+    """Messages in order of arrival, commands before pulses, those of closed topics dropped."""
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
         self._now_ns = now_ns

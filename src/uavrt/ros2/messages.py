@@ -6,9 +6,10 @@ system's, so that its nodes interoperate; the standard types are those of ROS 2 
 Kilted. An absent number is NaN, an absent time is zero.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 
 Bool = Annotated[bool, "bool"]
 Byte = Annotated[int, "byte"]
@@ -23,91 +24,96 @@ String = Annotated[str, "string"]
 class RosMessage:
     """Base of all messages; `ros_name` is the package and the type."""
 
-    __slots__ = ()
+    __slots__: ClassVar[tuple[str, ...]] = ()
     ros_name: ClassVar[str]
     interface: ClassVar[str] = "msg"
     """``srv`` for requests and replies of services."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+M = TypeVar("M", bound=RosMessage)
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def ros_message(ros_name: str) -> Callable[[type[M]], type[M]]:
+    """Make a frozen dataclass of a message with this package and type."""
+
+    def made(kind: type[M]) -> type[M]:
+        kind.ros_name = ros_name
+        return dataclass(frozen=True, slots=True, kw_only=True)(kind)
+
+    return made
+
+
+@ros_message("builtin_interfaces/Time")
 class Time(RosMessage):
     """A moment: seconds UTC since 1970 and nanoseconds."""
 
-    ros_name: ClassVar[str] = "builtin_interfaces/Time"
     sec: Int32 = 0
     nanosec: UInt32 = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("std_msgs/Header")
 class Header(RosMessage):
     """Time and frame (here: kind) of a message."""
 
-    ros_name: ClassVar[str] = "std_msgs/Header"
     stamp: Time = Time()
     frame_id: String = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("std_msgs/Bool")
 class Flag(RosMessage):
     """One truth value."""
 
-    ros_name: ClassVar[str] = "std_msgs/Bool"
     data: Bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("geometry_msgs/Point")
 class Point(RosMessage):
     """Here: latitude [deg], longitude [deg], altitude above mean sea level [m]."""
 
-    ros_name: ClassVar[str] = "geometry_msgs/Point"
     x: Float64 = 0.0
     y: Float64 = 0.0
     z: Float64 = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("geometry_msgs/Quaternion")
 class Quaternion(RosMessage):
     """Antenna frame (forward, right, down) to north-east-down."""
 
-    ros_name: ClassVar[str] = "geometry_msgs/Quaternion"
     x: Float64 = 0.0
     y: Float64 = 0.0
     z: Float64 = 0.0
     w: Float64 = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("geometry_msgs/Pose")
 class RosPose(RosMessage):
     """Position and orientation."""
 
-    ros_name: ClassVar[str] = "geometry_msgs/Pose"
     position: Point = Point()
     orientation: Quaternion = Quaternion()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("geometry_msgs/PoseStamped")
 class PoseStamped(RosMessage):
     """A pose and its time."""
 
-    ros_name: ClassVar[str] = "geometry_msgs/PoseStamped"
     header: Header = Header()
     pose: RosPose = RosPose()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("diagnostic_msgs/KeyValue")
 class KeyValue(RosMessage):
     """A named value as text."""
 
-    ros_name: ClassVar[str] = "diagnostic_msgs/KeyValue"
     key: String = ""
     value: String = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("diagnostic_msgs/DiagnosticStatus")
 class DiagnosticStatus(RosMessage):
     """State of one thing; the levels are numbers, not the characters '0' and '2'."""
 
-    ros_name: ClassVar[str] = "diagnostic_msgs/DiagnosticStatus"
     level: Byte = 0
     name: String = ""
     message: String = ""
@@ -119,20 +125,18 @@ OK, WARN, ERROR, STALE = 0, 1, 2, 3
 """Levels of a `DiagnosticStatus`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("diagnostic_msgs/DiagnosticArray")
 class DiagnosticArray(RosMessage):
     """States of several things, or an order to a component (``start``, ``stop``)."""
 
-    ros_name: ClassVar[str] = "diagnostic_msgs/DiagnosticArray"
     header: Header = Header()
     status: tuple[DiagnosticStatus, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/Log")
 class Log(RosMessage):
     """A line of ``/rosout``; levels 10 debug, 20 info, 30 warn, 40 error, 50 fatal."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/Log"
     stamp: Time = Time()
     level: UInt8 = 20
     name: String = ""
@@ -142,11 +146,10 @@ class Log(RosMessage):
     line: UInt32 = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("uavrt_interfaces/Pulse")
 class RosPulse(RosMessage):
     """A pulse of a tag; with a frequency of 0 the detector's sign of life."""
 
-    ros_name: ClassVar[str] = "uavrt_interfaces/Pulse"
     detector_dir: String = ""
     tag_id: UInt32 = 0
     frequency: Float64 = 0.0
@@ -165,20 +168,18 @@ class RosPulse(RosMessage):
     confirmed_status: Bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("uavrt_interfaces/PulsePose")
 class RosPulsePose(RosMessage):
     """A pulse and the antenna's pose at its centre; all NaN where no pose is known."""
 
-    ros_name: ClassVar[str] = "uavrt_interfaces/PulsePose"
     pulse: RosPulse = RosPulse()
     antenna_pose: RosPose = RosPose()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("uavrt_interfaces/Tag")
 class RosTag(RosMessage):
     """A tag to look for: frequency in Hz, times in ms."""
 
-    ros_name: ClassVar[str] = "uavrt_interfaces/Tag"
     tag_id: UInt32 = 0
     frequency: Float64 = 0.0
     pulse_duration: Float64 = 0.0
@@ -190,11 +191,10 @@ class RosTag(RosMessage):
     false_alarm_probability: Float64 = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("uavrt_interfaces/Burst")
 class RosBurst(RosMessage):
     """A coded tag's burst: its pulse message, and the pulses inside."""
 
-    ros_name: ClassVar[str] = "uavrt_interfaces/Burst"
     pulse: RosPulse = RosPulse()
     starts: tuple[Time, ...] = ()
     snrs: tuple[Float64, ...] = ()
@@ -202,11 +202,10 @@ class RosBurst(RosMessage):
     also_possible_tag_ids: tuple[UInt32, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("uavrt_interfaces/CodedTag")
 class RosCodedTag(RosMessage):
     """A coded tag to look for; its one interval is that from burst to burst."""
 
-    ros_name: ClassVar[str] = "uavrt_interfaces/CodedTag"
     tag: RosTag = RosTag()
     gaps: tuple[Float64, ...] = ()
     """[ms]"""
@@ -220,22 +219,19 @@ def graph_messages(gid_bytes: int) -> tuple[type[Any], type[Any], type[Any]]:
     to Humble.
     """
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
+    @ros_message("rmw_dds_common/Gid")
     class Gid(RosMessage):
-        ros_name: ClassVar[str] = "rmw_dds_common/Gid"
         data: Annotated[bytes, gid_bytes] = bytes(gid_bytes)
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
+    @ros_message("rmw_dds_common/NodeEntitiesInfo")
     class NodeEntitiesInfo(RosMessage):
-        ros_name: ClassVar[str] = "rmw_dds_common/NodeEntitiesInfo"
         node_namespace: Annotated[str, "string<=256"] = "/"
         node_name: Annotated[str, "string<=256"] = ""
         reader_gid_seq: tuple[Gid, ...] = ()
         writer_gid_seq: tuple[Gid, ...] = ()
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
+    @ros_message("rmw_dds_common/ParticipantEntitiesInfo")
     class ParticipantEntitiesInfo(RosMessage):
-        ros_name: ClassVar[str] = "rmw_dds_common/ParticipantEntitiesInfo"
         gid: Gid = Gid()
         node_entities_info_seq: tuple[NodeEntitiesInfo, ...] = ()
 

@@ -7,17 +7,16 @@ carry outside of the data (rmw_cyclonedds_cpp, ``cdds_request_header``).
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from uavrt.ros2.messages import Bool, Byte, Float64, RosMessage, String, UInt8
+from uavrt.ros2.messages import Bool, Byte, Float64, RosMessage, String, UInt8, ros_message
 
 Int64 = Annotated[int, "int64"]
 UInt64 = Annotated[int, "uint64"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/ParameterValue")
 class ParameterValue(RosMessage):
     """A value of one of nine types."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/ParameterValue"
     type: UInt8 = 0
     bool_value: Bool = False
     integer_value: Int64 = 0
@@ -30,40 +29,36 @@ class ParameterValue(RosMessage):
     string_array_value: tuple[String, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/Parameter")
 class RosParameter(RosMessage):
     """A name and a value."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/Parameter"
     name: String = ""
     value: ParameterValue = ParameterValue()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/FloatingPointRange")
 class FloatingPointRange(RosMessage):
     """Range of a real number."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/FloatingPointRange"
     from_value: Float64 = 0.0
     to_value: Float64 = 0.0
     step: Float64 = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/IntegerRange")
 class IntegerRange(RosMessage):
     """Range of a whole number."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/IntegerRange"
     from_value: Int64 = 0
     to_value: Int64 = 0
     step: UInt64 = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/ParameterDescriptor")
 class ParameterDescriptor(RosMessage):
     """Meaning and range of a parameter."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/ParameterDescriptor"
     name: String = ""
     type: UInt8 = 0
     description: String = ""
@@ -74,20 +69,18 @@ class ParameterDescriptor(RosMessage):
     integer_range: tuple[IntegerRange, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/ListParametersResult")
 class ListParametersResult(RosMessage):
     """Names, and the prefixes before their dots."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/ListParametersResult"
     names: tuple[String, ...] = ()
     prefixes: tuple[String, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/SetParametersResult")
 class SetParametersResult(RosMessage):
     """Whether a parameter was set."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/SetParametersResult"
     successful: Bool = False
     reason: String = ""
 
@@ -103,20 +96,18 @@ class ServiceMessage(RosMessage):
     """Number of its request."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/ListParameters_Request")
 class ListRequest(ServiceMessage):
     """Requests all names, or those with these prefixes."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/ListParameters_Request"
     prefixes: tuple[String, ...] = ()
     depth: UInt64 = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/ListParameters_Response")
 class ListReply(ServiceMessage):
     """The names."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/ListParameters_Response"
     result: ListParametersResult = ListParametersResult()
 
 
@@ -127,80 +118,67 @@ class NamesRequest(ServiceMessage):
     names: tuple[String, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/GetParameters_Request")
 class GetRequest(NamesRequest):
     """Requests values."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/GetParameters_Request"
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/GetParameters_Response")
 class GetReply(ServiceMessage):
     """A value for each name; of type 0 for an unknown parameter."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/GetParameters_Response"
     values: tuple[ParameterValue, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/GetParameterTypes_Request")
 class TypesRequest(NamesRequest):
     """Requests types."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/GetParameterTypes_Request"
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/GetParameterTypes_Response")
 class TypesReply(ServiceMessage):
     """A type for each name."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/GetParameterTypes_Response"
     types: tuple[UInt8, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/DescribeParameters_Request")
 class DescribeRequest(NamesRequest):
     """Requests descriptions."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/DescribeParameters_Request"
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/DescribeParameters_Response")
 class DescribeReply(ServiceMessage):
     """A description for each name."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/DescribeParameters_Response"
     descriptors: tuple[ParameterDescriptor, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/SetParameters_Request")
 class SetRequest(ServiceMessage):
     """Parameters to set, each for itself."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/SetParameters_Request"
     parameters: tuple[RosParameter, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/SetParameters_Response")
 class SetReply(ServiceMessage):
     """A result for each."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/SetParameters_Response"
     results: tuple[SetParametersResult, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/SetParametersAtomically_Request")
 class SetTogetherRequest(ServiceMessage):
     """Parameters to set, all or nothing."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/SetParametersAtomically_Request"
     parameters: tuple[RosParameter, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@ros_message("rcl_interfaces/SetParametersAtomically_Response")
 class SetTogetherReply(ServiceMessage):
     """One result for all."""
 
-    ros_name: ClassVar[str] = "rcl_interfaces/SetParametersAtomically_Response"
     result: SetParametersResult = SetParametersResult()
 
 

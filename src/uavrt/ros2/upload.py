@@ -23,10 +23,7 @@ class Upload:
         self._released: tuple[Sender, int] | None = None
 
     def add(self, tag_id: int | None, lost: int) -> None:
-        """Note a tag; None if it could not be read.
-
-        `lost` is the number of tags that the network has lost until now.
-        """
+        """Note a tag, after so many lost by the network; None if it could not be read."""
         if not self.open:
             self.forget()
             self.open = True

@@ -30,30 +30,31 @@ class Frame:
     position_gain_hz: float = math.inf
     """Highest speed per distance to the target (PSC_POSXY_P, MPC_XY_P) [1/s]."""
     gust_m: float = 0.2
-    """Standard deviation of the place by gusts."""
+    """Standard deviation of the position due to gusts."""
     hover_w: float = 400.0
     battery_wh: float = 120.0
     fence_m: float = 5_000.0
-    """Radius around home."""
+    """Radius of the fence around home."""
     wind_m_s: tuple[float, float] = (0.0, 0.0)
-    """Where the air goes: north, east."""
+    """Velocity of the air: north, east."""
     airspeed_m_s: float = 12.0
-    """Greatest: against the wind it comes forward the slower."""
+    """Greatest airspeed."""
     drag_share: float = 0.1
-    """Of the power of hovering, on top at an airspeed of 10 m/s; it grows with the cube."""
+    """Additional power of drag at an airspeed of 10 m/s, as a share of hovering; grows with the
+    cube."""
     return_height_m: float = 30.0
-    """To which it climbs at least when it returns: RTL_RETURN_ALT (PX4, 60 m as delivered),
-    RTL_ALT (ArduPilot, 15 m)."""
+    """Least height of the return: RTL_RETURN_ALT (PX4, 60 m by default), RTL_ALT (ArduPilot, 15
+    m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """What it flies to."""
+    """Position, height and heading that it flies to."""
 
     north_m: float
     east_m: float
     height_m: float
-    """Above home."""
+    """Height above home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ overshoots by 0.64 m from 9 m/s and by 0.25 m from 5.7 m/s, and settles after 2.
 
 
 class Airframe:
-    """Place, velocity and battery of a vehicle."""
+    """Position, velocity and battery of a vehicle."""
 
     def __init__(
         self, flavour: Flavour, frame: Frame, north_m: float, east_m: float, height_m: float
@@ -95,25 +96,25 @@ class Airframe:
         self.velocity_asked: tuple[geometry.Vector, float] | None = None
         """Velocity setpoint, under which ArduCopter reports no target, and when it came."""
         self._beyond_m = 0.0
-        """Distance of the point that it aims at behind the target, on the line of flight."""
+        """Distance of the aiming point behind the target, on the line of flight."""
         self._line = (0.0, 0.0)
         """Direction of the line to the target, from where the command reached the drone."""
 
     @property
     def battery_percent(self) -> float:
-        """Charge that is left."""
+        """Remaining charge."""
         return max(0.0, 100.0 * (1.0 - self.used_wh / self.frame.battery_wh))
 
     @property
     def power_w(self) -> float:
-        """Power at its present airspeed."""
+        """Power at the present airspeed."""
         north, east = self.frame.wind_m_s
         airspeed = math.hypot(self.velocity_m_s[0] - north, self.velocity_m_s[1] - east)
         return self.frame.hover_w * (1.0 + self.frame.drag_share * (airspeed / 10.0) ** 3)
 
     @property
     def place_m(self) -> tuple[float, float]:
-        """North and east, gusts included."""
+        """North and east, including gusts."""
         push = self.frame.gust_m * math.sqrt(2.0) * min(1.0, self.height_m / 2.0)
         return (
             self.north_m + push * math.sin(0.9 * self.elapsed_s),
@@ -133,7 +134,7 @@ class Airframe:
         return Target(north_m=north, east_m=east, height_m=self.shown_height_m)
 
     def elapse(self, step_s: float, *, armed: bool) -> None:
-        """Let time pass, and drain the battery of one that is armed."""
+        """Advance the time; drain the battery of an armed vehicle."""
         self.elapsed_s += step_s
         if armed:
             self.used_wh += self.power_w * step_s / 3600.0
@@ -183,7 +184,7 @@ class Airframe:
         self._beyond_m = max(self._beyond_m, beyond_m)
 
     def _towards(self, target: Target) -> geometry.Vector:
-        """Velocity that it aims at: as fast as it can brake from before the target."""
+        """Target velocity: the highest that allows braking before the target."""
         along, aside = self._line
         north = target.north_m + self._beyond_m * along - self.north_m
         east = target.east_m + self._beyond_m * aside - self.east_m

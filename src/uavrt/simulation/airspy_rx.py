@@ -95,10 +95,7 @@ class Arguments:
 
 
 def parse_arguments(arguments: Sequence[str]) -> Arguments:
-    """Read the command line as airspy_rx does.
-
-    Raises `ArgumentFault`: airspy_rx would refuse it too.
-    """
+    """Read the command line as airspy_rx does; raises `ArgumentFault` where it refuses."""
     try:
         pairs, rest = getopt.getopt(
             list(arguments),

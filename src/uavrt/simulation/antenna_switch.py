@@ -61,11 +61,7 @@ class AntennaSwitch(ScenarioRecord):
 def position_weights(
     switch: AntennaSwitch, direction_body: geometry.Vector, wavelength_m: float
 ) -> NDArray[np.complex128]:
-    """Complex amplitude at each position for a plane wave, re one antenna in the middle.
-
-    `direction_body`: unit vector to the source in the antenna's frame (FRD).
-    Returns: shape (positions,).
-    """
+    """Complex amplitude at each position for a plane wave along a direction (FRD)."""
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
         weights = []
@@ -90,10 +86,7 @@ def gate(
     count: int,
     sample_rate_hz: float,
 ) -> NDArray[np.complex64]:
-    """Factor of a wave at consecutive samples: the position's weight, 0 while settling.
-
-    Returns: shape (count,).
-    """
+    """Weights (count,) of a wave at consecutive samples, 0 while a position settles."""
     dwell = switch.dwell_samples(sample_rate_hz)
     step, within = np.divmod(first_sample + np.arange(count), dwell)
     factor: NDArray[np.complex64] = weights[step % switch.positions].astype(np.complex64)

@@ -47,11 +47,7 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 
 
 class AutopilotParameters:
-    """Parameters set and in force, and the answers to requests.
-
-    `flavour`: whose parameters, and how whole numbers travel. `changes`: deviations from the
-    defaults.
-    """
+    """Parameters set and in force, and answers to requests, of a flavour of autopilot."""
 
     def __init__(self, flavour: Flavour, changes: Mapping[str, float]) -> None:
         self._flavour = flavour

@@ -121,10 +121,7 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
 
 
 def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
-    """Make a world in which the drone hovers over home until it is commanded.
-
-    `scenario`: its flight is not flown. `seconds`: length of the world [s].
-    """
+    """Make a world of some seconds in which the drone hovers until it is commanded."""
     return replace(
         scenario,
         duration_s=max(scenario.duration_s, seconds),

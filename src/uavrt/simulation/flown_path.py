@@ -47,11 +47,7 @@ class PathWriter:
 
 
 class FlownPath:
-    """The vehicle's state at any time, by the file so far.
-
-    `path`: of the file, which may not exist yet. `plane`: around the scenario's home. `keep_s`:
-    length that is kept; None: all.
-    """
+    """The vehicle's state at any time, by the file so far, of which `keep_s` are kept."""
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane

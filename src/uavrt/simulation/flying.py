@@ -1,9 +1,9 @@
-"""A drone that flies as it is commanded, as PX4 1.17 or ArduCopter 4.7 would. Pure.
+"""A drone that flies commands, as PX4 1.17 or ArduCopter 4.7 would. Pure.
 
-Speeds up, brakes and turns within its limits of acceleration and jerk, is pushed by gusts and
-slowed by wind, drains its battery. It accepts, refuses and disobeys as the real ones were seen
-to: PX4 takes any z for one above mean sea level and answers UNSUPPORTED to a DO_REPOSITION
-without change of mode that it flies all the same.
+It accelerates, brakes and turns within its limits of acceleration and jerk, is displaced by
+gusts and slowed by wind, and drains its battery. It accepts, refuses and ignores commands as
+observed on the real ones: PX4 reads any z as altitude above mean sea level, and answers
+UNSUPPORTED to a DO_REPOSITION without change of mode although it flies it.
 """
 
 import math
@@ -28,40 +28,40 @@ MODES: dict[Flavour, dict[str, int]] = {
 HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
 """PX4 1.17 corrects the altitude of home for this time after a take-off, this often."""
 HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
-"""Its whole correction, the spread of single ones, and the least one made [m]."""
+"""Total correction, spread of single ones, and least one [m]."""
 DO_PAUSE_CONTINUE = 193
-"""MAV_CMD of a ground station's pause; uavrt neither sends nor obeys it."""
+"""MAV_CMD of a ground station's pause; uavrt never sends it."""
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
-"""From the command until it leaves the ground."""
+"""Time from the command until it leaves the ground."""
 IDLE_S = 10.0
-"""Armed on the ground: then it disarms (COM_DISARM_PRFLT, DISARM_DELAY)."""
+"""Time armed on the ground after which it disarms (COM_DISARM_PRFLT, DISARM_DELAY)."""
 NOWHERE = 2**31 - 1
 """INT32_MAX: no latitude or longitude, as NaN is in a COMMAND_LONG."""
 
 
 class GroundContact:
-    """Stands on the ground, leaves it, and corrects the altitude of home after that."""
+    """Ground contact: landing, take-off, and the correction of home's altitude afterwards."""
 
     def __init__(self, flavour: Flavour, *, landed: bool) -> None:
         self._corrects_home = flavour == "px4"
         self.landed = landed
         self.idle_s = 0.0
         self.home_up_m = 0.0
-        """Altitude of home above that of the plane: by PX4's corrections after a take-off."""
+        """Altitude of home above the plane's, after PX4's corrections."""
         self._off_ground_s: float | None = None
-        """When it took off."""
+        """Time of the take-off."""
 
     def touch_down(self) -> None:
-        """Stand on the ground from now on."""
+        """Land."""
         self.landed = True
 
     def wait(self) -> None:
-        """Restart the time for which it may stand armed."""
+        """Restart the time until it disarms."""
         self.idle_s = 0.0
 
     def stand(self, step_s: float, now_s: float, *, taking_off: bool) -> bool:
-        """Armed on the ground: leave it when commanded to; False once it is to disarm."""
+        """Update an armed vehicle on the ground; False when it must disarm."""
         self.idle_s += step_s
         if taking_off:
             self.landed = self.idle_s < SPOOL_S
@@ -69,7 +69,7 @@ class GroundContact:
         return taking_off or self.idle_s <= IDLE_S
 
     def correct_home(self, step_s: float, now_s: float) -> None:
-        """Move the altitude of home, as PX4 1.17 does after a take-off; the drone stays."""
+        """Change home's altitude as PX4 1.17 does after a take-off; the drone stays."""
         if self._off_ground_s is None or not self._corrects_home:
             return
         since_s = now_s - self._off_ground_s
@@ -85,10 +85,7 @@ class GroundContact:
 
 
 class FlyingVehicle:
-    """The vehicle; `advance` lets time pass, `command` obeys a command of any sender.
-
-    `plane`: around home.
-    """
+    """Vehicle around home: `advance` lets time pass, `command` obeys any sender."""
 
     def __init__(
         self,
@@ -109,23 +106,24 @@ class FlyingVehicle:
         self.mode, self.armed = MODES[flavour]["position"], armed
         self.target: Target | None = None
         self.paused = False
-        """By DO_PAUSE_CONTINUE, which ArduCopter shows in no message: mode and target stay."""
+        """Paused by DO_PAUSE_CONTINUE, which ArduCopter does not report: mode and target
+        stay."""
         self.taking_off = False
-        """Until another command; ArduPilot shows no target then."""
+        """True until another command; ArduPilot reports no target then."""
         self.takeoff_height_m = 2.5
-        """For a command without a height: MIS_TAKEOFF_ALT."""
+        """Height for a command without one: MIS_TAKEOFF_ALT."""
 
     @property
     def commanded(self) -> bool:
-        """Whether it is in the mode that obeys commands."""
+        """True in the mode that flies commands."""
         return self.mode == MODES[self.flavour]["hold"]
 
     def latitude_longitude(self) -> tuple[float, float]:
-        """Where it is [deg]."""
+        """Its position [deg]."""
         return self.plane.to_geodetic(*self.body.place_m)
 
     def set_mode(self, mode: int) -> None:
-        """Change the mode, as a switch on the remote control does."""
+        """Change the mode, as by a switch on the remote control."""
         if mode == self.mode:
             return
         self.mode, self.taking_off, self.paused = mode, False, False
@@ -148,7 +146,7 @@ class FlyingVehicle:
             self.target = None
 
     def command(self, message: dialect.CommandInt | dialect.CommandLong) -> int | None:
-        """Handle a command of motion; None for those that are none."""
+        """Handle a command of motion; None for other commands."""
         match message.command:
             case MavCmd.DO_REPOSITION:
                 return self._reposition(message)
@@ -168,7 +166,7 @@ class FlyingVehicle:
         return None
 
     def _pause(self, *, on: bool) -> int:
-        """Stop where it can, in the mode that it is in; ArduCopter in GUIDED alone does it."""
+        """Stop or continue in the present mode; only ArduCopter in GUIDED supports it."""
         if self.flavour == "px4":
             return MavResult.UNSUPPORTED
         if not self.commanded or self.ground.landed:
@@ -177,12 +175,12 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def ask_velocity(self, north_m_s: float, east_m_s: float, up_m_s: float) -> None:
-        """Handle SET_POSITION_TARGET_LOCAL_NED with a velocity; only in GUIDED it is flown."""
+        """Handle SET_POSITION_TARGET_LOCAL_NED with a velocity; flown only in GUIDED."""
         if self.flavour == "ardupilot" and self.commanded and not self.ground.landed:
             self.body.ask_velocity((north_m_s, east_m_s, up_m_s))
 
     def _arm(self, *, on: bool) -> int:
-        """As a pilot does; ArduPilot not in the modes that end on the ground."""
+        """Arm or disarm as a pilot would; ArduPilot refuses in modes that end on the ground."""
         names = MODES[self.flavour]
         ending = self.flavour == "ardupilot" and self.mode in (names["return"], names["land"])
         if not self.ground.landed or (on and ending):
@@ -192,7 +190,7 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _take_off(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """PX4 takes it disarmed, too, and climbs once armed; ArduPilot does not."""
+        """Handle a take-off: only PX4 accepts it when disarmed, and climbs once armed."""
         z = message.z if isinstance(message, dialect.CommandInt) else message.param7
         px4 = self.flavour == "px4"
         landed = self.ground.landed
@@ -235,7 +233,7 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _reposition(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """Fly there, with what each of the autopilots makes of it."""
+        """Fly to a position, with each autopilot's own interpretation of the command."""
         px4, whole = self.flavour == "px4", isinstance(message, dialect.CommandInt)
         if not px4 and not whole:
             return MavResult.UNSUPPORTED
@@ -278,7 +276,7 @@ class FlyingVehicle:
         return Target(north_m=north, east_m=east, height_m=height)
 
     def advance(self, step_s: float) -> None:
-        """Let a short time pass."""
+        """Advance by a short time."""
         body, ground = self.body, self.ground
         body.elapse(step_s, armed=self.armed)
         if not self.armed:
@@ -293,7 +291,7 @@ class FlyingVehicle:
         self._land()
 
     def _bearing_deg(self, target: Target) -> float | None:
-        """Bearing to the target of a command that is not near."""
+        """Bearing to the target, unless it is near."""
         if not self.commanded:
             return None
         place = self.body.place_m
@@ -303,7 +301,7 @@ class FlyingVehicle:
         return math.degrees(math.atan2(east, north)) % 360.0
 
     def _land(self) -> None:
-        """Come down at home, and disarm on the ground."""
+        """Descend at home, and disarm on the ground."""
         names, target, body = MODES[self.flavour], self.target, self.body
         if self.mode == names.get("takeoff") and target is not None:
             if body.height_m > target.height_m - 0.5:

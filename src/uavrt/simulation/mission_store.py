@@ -33,11 +33,7 @@ class _Upload:
 
 
 class MissionStore:
-    """State of the store.
-
-    `flavour`: ArduPilot keeps home as the first item of its mission, and reports a wrong
-    sequence.
-    """
+    """State of the store, of a flavour: ArduPilot keeps home as the first item."""
 
     def __init__(self, flavour: Flavour) -> None:
         self._flavour: Flavour = flavour

@@ -13,7 +13,7 @@ from typing import Any
 import uavrt
 from uavrt.clock import iso_utc
 from uavrt.config.tag_files import write_tags
-from uavrt.errors import ConfigError, RecordingError
+from uavrt.errors import ConfigError, RecordingError, os_errors_as
 from uavrt.messages import Pose
 from uavrt.simulation.scenario import Scenario
 from uavrt.simulation.scenario_file import write_scenario
@@ -79,14 +79,13 @@ def simulate_to_directory(
     synthesizer = IQSynthesizer(scenario, sample_rate_hz=rate_hz)
     total = round(duration_s * rate_hz)
     base = Path(directory)
-    try:
+    with os_errors_as(
+        RecordingError,
+        f"the simulation cannot be written to {base}",
+        remedy="Choose a directory that can be written and has space",
+    ):
         _prepare(base, total * _SAMPLE_BYTES[sample_format])
         return _record(synthesizer, base, total, sample_format, on_progress)
-    except OSError as error:
-        raise RecordingError(
-            f"the simulation cannot be written to {base}: {error.strerror}",
-            remedy="Choose a directory that can be written and has space",
-        ) from error
 
 
 def _prepare(base: Path, size_bytes: int) -> None:

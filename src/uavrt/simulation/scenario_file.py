@@ -15,10 +15,7 @@ from uavrt.simulation.scenario import Scenario
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Read a scenario file (TOML, docs/reference/scenario.md).
-
-    Raises `ConfigError`, which lists all faults with their place.
-    """
+    """Read a scenario (docs/reference/scenario.md); raises `ConfigError` with all faults."""
     try:
         text = read_file(path, SETTINGS).decode()
     except (OSError, UnicodeDecodeError) as error:

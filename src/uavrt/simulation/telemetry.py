@@ -29,11 +29,7 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
 
 
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
-    """Write one telemetry message.
-
-    `pose`: of the vehicle at that instant. `boot_ms`: boot time of the instant [ms]. Raises
-    `KeyError`: no such message is streamed.
-    """
+    """Write a telemetry message at a boot time; raises `KeyError` if it is not streamed."""
     boot_ms &= 0xFFFFFFFF
     match message_id:
         case dialect.AttitudeQuaternion.ID:

@@ -61,11 +61,7 @@ CLOSE_S = 5.0
 
 
 class Supervisor:
-    """Joins mission, processes and records.
-
-    `on_record`: also called with each record line that passes, for viewers. `launcher`: starts
-    the processes; its nursery may be warming up already.
-    """
+    """Joins mission, processes and records; `on_record` gets each line, for viewers."""
 
     def __init__(
         self,
@@ -122,15 +118,12 @@ class Supervisor:
     @property
     def clock(self) -> Clock:
         """The system's clock."""
-        return self.mission.clock
+        return self.mission.flights.clock
 
     # ------------------------------------------------------------------ life
 
     def claim(self) -> None:
-        """Become the only supervisor of these flights, and resume an unfinished one.
-
-        Raises `ConfigError` if another supervisor runs.
-        """
+        """Become the flights' only supervisor; raises `ConfigError` if there is another."""
         self._store.claim()
         self.mission.resume()
 
@@ -216,7 +209,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart the search; publish the tags again, so that its last news are dropped."""
+        """Restart the search; publish the tags again to drop its pending records."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)
@@ -228,13 +221,13 @@ class Supervisor:
     async def _end_flight(self) -> None:
         """Stop receiver, then detectors; wait for the last pulses; close the flight."""
         await self._fleet.stop_flight()
-        limit_s = self.mission.settings.antenna.pose_wait_s + LAST_PULSES_S
+        limit_s = self.mission.settings.now.antenna.pose_wait_s + LAST_PULSES_S
         if not await self._last_pulses.posed_within(limit_s):
             log.warning("last pulses without their pose", left=self._last_pulses.waiting)
-        if self.mission.flight is not None:
-            self._publish("flight_end", self.mission.flight)
+        if self.mission.flights.flight is not None:
+            self._publish("flight_end", self.mission.flights.flight)
             if not await self._fleet.taken("flight_end", CLOSE_S):
-                log.warning("recorder is slow", flight=self.mission.flight.directory)
+                log.warning("recorder is slow", flight=self.mission.flights.flight.directory)
         flight = self.mission.flight_ended()
         self._output.close_flight()
         self._disk.flying(None)
@@ -268,7 +261,7 @@ class Supervisor:
     async def _ask_radio(self) -> tuple[bool, str]:
         """Query the radio by a program; only one query at a time."""
         try:
-            question = RadioQuestion(self.mission.settings.radio)
+            question = RadioQuestion(self.mission.settings.now.radio)
         except OSError as error:
             return False, f"the radio was not asked ({error.strerror}): try again"
         self._asking = question
@@ -281,8 +274,8 @@ class Supervisor:
     # -------------------------------------------------------------- watching
 
     def _watch_wall_clock(self) -> None:
-        """Note in the flight that the wall clock was corrected; the flight's is not."""
-        if self.mission.flight is None:
+        """Record a correction of the wall clock in the flight, whose own clock is unchanged."""
+        if self.mission.flights.flight is None:
             return
         if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:
             self._notify(4, again)
@@ -387,10 +380,10 @@ class Supervisor:
     def status(self) -> SystemStatus:
         """Describe the whole drone side now."""
         mission = self.mission
-        flight = mission.flight
+        flight = mission.flights.flight
         # Until the last pulse is recorded the flight is not over for the operator.
         state = mission.state
-        if mission.ending:
+        if mission.flights.ending:
             capture = flight is not None and flight.capture_s is not None
             state = SystemState.CAPTURING if capture else SystemState.DETECTING
         instances = list(self._fleet.instances)
@@ -406,11 +399,11 @@ class Supervisor:
             state=state,
             flight_directory=flight.directory if flight else None,
             center_frequency_hz=flight.center_frequency_hz if flight else None,
-            tags=(*mission.tags.values(),),
+            tags=(*mission.upload.tags.values(),),
             commander=mission.commander.name,
             processes=(
                 self_status(mission.state, instances, own_usage(os.getpid()), counters),
                 *(instance.status() for instance in instances),
             ),
-            ending=mission.ending,
+            ending=mission.flights.ending,
         )

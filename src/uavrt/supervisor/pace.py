@@ -18,10 +18,7 @@ REPEAT_S = 300.0
 
 
 class PaceWatch:
-    """Monitors one process.
-
-    `name`: of the instance, for the text.
-    """
+    """Monitors one process, of a name for the text."""
 
     def __init__(self, name: str, topics: tuple[str, ...]) -> None:
         self._name = name

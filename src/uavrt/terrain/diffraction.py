@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 _Floats = NDArray[np.floating]
 EARTH_M = 8_500_000.0
 """Radius over which rays are straight (P.526-15, §4.5)."""
-LIGHT_M_S = 299_792_458.0
 _LEAST = -1e12
 
 

@@ -85,10 +85,7 @@ class _Blocks:
 
 
 def geotiff_raster(path: Path) -> Raster:
-    """Open a GeoTIFF.
-
-    Raises `FormatError`: it is damaged, has no georeference, or is unsupported.
-    """
+    """Open a GeoTIFF; raises `FormatError` if damaged, unplaced or unsupported."""
     try:
         require_plain_file(path)
         with path.open("rb") as file:
@@ -106,7 +103,7 @@ def geotiff_raster(path: Path) -> Raster:
         )
         why = str(error) if readable else "its tags make no sense"
         raise FormatError(
-            f"{path.name} is no GeoTIFF, or cut off: {why}", remedy="Download it again"
+            f"{path.name} is not a GeoTIFF, or truncated: {why}", remedy="Download it again"
         ) from error
 
 

@@ -128,10 +128,7 @@ class HillLosses:
         return other
 
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
-        """Extend the ground to some places; ground beyond counts as its edge.
-
-        Raises `FormatError`: a file of heights is damaged.
-        """
+        """Extend the ground, whose edge counts beyond it; raises `FormatError`."""
         here = self.origin_m
         self._squares.reach(
             float(np.max(np.abs(np.asarray(east_m) + here[0]))),

@@ -37,10 +37,7 @@ _DAMAGED = (
 
 
 def srtm_raster(path: Path) -> Raster:
-    """Open a tile.
-
-    Raises `FormatError`: its name holds no place, or it is cut off.
-    """
+    """Open a tile; raises `FormatError` if its name holds no place, or it is cut off."""
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(
@@ -57,7 +54,8 @@ def srtm_raster(path: Path) -> Raster:
     if side is None:
         sizes = " or ".join(f"{known:,}" for known in _SIDES)
         raise FormatError(
-            f"{path.name} is cut off or no tile: {size:,} bytes, not {sizes}", remedy=_AGAIN
+            f"{path.name} is truncated or not a tile: {size:,} bytes, not {sizes}",
+            remedy=_AGAIN,
         )
     step = 1.0 / (side - 1)
     return Raster(

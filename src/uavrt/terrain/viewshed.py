@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.native import kernels
-from uavrt.terrain.diffraction import EARTH_M, LIGHT_M_S, beyond_level_db, edge_parameters
+from uavrt.terrain.diffraction import EARTH_M, beyond_level_db, edge_parameters
 from uavrt.terrain.squares import GroundGrid
+from uavrt.units import SPEED_OF_LIGHT_M_S
 
 _Floats = NDArray[np.float64]
 _TOGETHER = 100_000
@@ -40,13 +41,13 @@ def terrain_loss_map(
     if not (0.0 <= column <= columns - 1 and 0.0 <= row <= rows - 1):
         raise UsageError(
             f"the drone, {east_m:.0f} m east and {north_m:.0f} m north, is not over the map",
-            remedy="Choose a map that holds the whole way",
+            remedy="Choose a map that covers the whole path",
         )
     drone_m = float(ground.at(np.array([column]), np.array([row]))[0]) + antenna_m
     # A column and a row more, for points between: no profile asks where the map ends.
     over = np.pad(height - np.float32(drone_m), ((0, 1), (0, 1)), mode="edge")
     over = np.ascontiguousarray(over)
-    wavelength = LIGHT_M_S / frequency_hz
+    wavelength = SPEED_OF_LIGHT_M_S / frequency_hz
     loss = np.empty((rows, columns), np.float32)
     band = max(1, _TOGETHER // columns)
     for first in range(0, rows, band):

@@ -174,62 +174,21 @@ def pulse_to_wire(
 def search_report_to_wire(report: SearchReport) -> PulseG1:
     """Write "searched, nothing found" (status 3), which G0 does not have."""
     share, weakest_db = report.usable_share, report.weakest_enr_db
-    return _pulse_without_detection(
+    return PulseG1(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),
-        time_s=report.time_ns / NANOSECONDS_PER_SECOND,
-        score=report.best_score,
+        start_time_s=report.time_ns / NANOSECONDS_PER_SECOND,
+        stft_score=report.best_score,
+        group_sequence=0 if share is None else _USABLE + round(1000.0 * share),
+        group_snr_db=0.0 if weakest_db is None else weakest_db,
         noise_psd=report.noise_psd,
-        status=STATUS_NOTHING_FOUND,
-        weakest_db=0.0 if weakest_db is None else weakest_db,
-        sequence=0 if share is None else _USABLE + round(1000.0 * share),
+        detection_status=STATUS_NOTHING_FOUND,
     )
 
 
 def detector_heartbeat(tag_id: int, time_ns: int) -> PulseG1:
     """Write a detector's sign of life: a pulse at frequency 0 (G1)."""
-    return _pulse_without_detection(
-        tag_id=tag_id,
-        frequency_hz=0,
-        time_s=time_ns / NANOSECONDS_PER_SECOND,
-        score=0.0,
-        noise_psd=0.0,
-        status=STATUS_SUBTHRESHOLD,
-    )
-
-
-def _pulse_without_detection(
-    *,
-    tag_id: int,
-    frequency_hz: int,
-    time_s: float,
-    score: float,
-    noise_psd: float,
-    status: int,
-    weakest_db: float = 0.0,
-    sequence: int = 0,
-) -> PulseG1:
-    """Fields of such a message; the rest is 0 on the wire."""
-    return PulseG1(
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        start_time_s=time_s,
-        predict_next_start_s=0.0,
-        snr_db=0.0,
-        stft_score=score,
-        group_sequence=sequence,
-        group_index=0,
-        group_snr_db=weakest_db,
-        noise_psd=noise_psd,
-        detection_status=status,
-        confirmed_status=0,
-        latitude_deg=math.nan,
-        longitude_deg=math.nan,
-        altitude_relative_m=math.nan,
-        roll_deg=math.nan,
-        pitch_deg=math.nan,
-        yaw_deg=math.nan,
-    )
+    return PulseG1(tag_id=tag_id, frequency_hz=0, start_time_s=time_ns / NANOSECONDS_PER_SECOND)
 
 
 def pulse_from_wire(

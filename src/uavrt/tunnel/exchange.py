@@ -70,6 +70,48 @@ class _Question:
     """The upload that it opens, if it is accepted."""
 
 
+class Operations:
+    """Progress of the operations that stations began; `version` is the one sent with G2."""
+
+    def __init__(self, version: int) -> None:
+        self._version = version
+        self._questions: dict[CommandName, _Question] = {}
+        self._last: dict[CommandName, Operation] = {}
+
+    def begun(self, name: CommandName, question: _Question) -> None:
+        """Note who gets the steps of an operation."""
+        self._questions[name] = question
+
+    def progress(self, operation: Operation) -> Answer | None:
+        """Return a step of an operation to its sender, if the generation has it."""
+        self._last[operation.name] = operation
+        answer = self._step(operation)
+        if operation.state != "running":
+            del self._last[operation.name]
+            self._questions.pop(operation.name, None)
+        return answer
+
+    def again(self) -> list[Answer]:
+        """Get the last step of all that is running; to be sent once a second."""
+        steps = (self._step(operation) for operation in self._last.values())
+        return [step for step in steps if step is not None]
+
+    def _step(self, operation: Operation) -> Answer | None:
+        question = self._questions.get(operation.name)
+        number = COMMANDS[operation.name].number
+        if question is None or number is None or self._version < PROGRESS_VERSION:
+            return None
+        step = g2.OperationProgress(
+            operation=number,
+            request_id=question.request_id,
+            state=STATES[operation.state],
+            step=operation.step,
+            step_count=operation.step_count,
+            message=operation.message,
+        )
+        return Answer(step.encode(), question.asker)
+
+
 class Exchange:
     """Keeps open questions, and the generation of the ground.
 
@@ -101,8 +143,7 @@ class Exchange:
         self._next_id = 1
         self._requests = RequestCache()
         self._upload: TagUpload | None = None
-        self._operations: dict[CommandName, _Question] = {}
-        self._progress: dict[CommandName, Operation] = {}
+        self.operations = Operations(version)
         self.counters: Counter[str] = Counter()
 
     @property
@@ -146,7 +187,7 @@ class Exchange:
         if reply.accepted and question.generation == "G2":
             if question.tag_index is not None and self._upload is not None:
                 self._upload.indices.add(question.tag_index)
-            self._operations[reply.name] = question
+            self.operations.begun(reply.name, question)
         return self._answer(question, reply.accepted, reply.message)
 
     def pulse(self, pulse_pose: PulsePose) -> bytes:
@@ -183,39 +224,10 @@ class Exchange:
             cpu_temperature_c=old.cpu_temperature_c,
         ).encode()
 
-    def progress(self, operation: Operation) -> Answer | None:
-        """Return a step of an operation to its sender, if the generation has it."""
-        self._progress[operation.name] = operation
-        answer = self._step(operation)
-        if operation.state != "running":
-            del self._progress[operation.name]
-            self._operations.pop(operation.name, None)
-        return answer
-
-    def progress_again(self) -> list[Answer]:
-        """Get the last step of all that is running; to be sent once a second."""
-        steps = (self._step(operation) for operation in self._progress.values())
-        return [step for step in steps if step is not None]
-
     def next_request_id(self) -> int:
         """Give a number to a command from outside the tunnel."""
         self._next_id += 1
         return self._next_id - 1
-
-    def _step(self, operation: Operation) -> Answer | None:
-        question = self._operations.get(operation.name)
-        number = COMMANDS[operation.name].number
-        if question is None or number is None or self._version < PROGRESS_VERSION:
-            return None
-        step = g2.OperationProgress(
-            operation=number,
-            request_id=question.request_id,
-            state=STATES[operation.state],
-            step=operation.step,
-            step_count=operation.step_count,
-            message=operation.message,
-        )
-        return Answer(step.encode(), question.asker)
 
     def _request(
         self, message: g2.Requests | CodedTag, payload: bytes, asker: Asker

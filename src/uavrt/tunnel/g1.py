@@ -174,16 +174,9 @@ class StartDetection(Asking):
 
     def encode(self) -> bytes:
         """Bytes of the payload, as long as its last field that is not None needs."""
-        fields: tuple[float | None, ...] = (
-            self.radio_center_frequency_hz,
-            self.gain,
-            self.detection_mode,
-            self.detection_margin,
-            self.confidence_ratio,
-            self.debug_detector,
-        )
+        fields: list[float | None] = [getattr(self, name) for name in self.__slots__]
         present = [field for field in fields if field is not None]
-        if fields[: len(present)] != tuple(present):
+        if fields[: len(present)] != present:
             raise TunnelError("START_DETECTION has a hole before its last field", b"")
         layout = {2: 12, 3: 16, 5: 32, 6: 40}.get(len(present))
         if layout is None:
@@ -249,28 +242,28 @@ class Heartbeat(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseG1(Fixed):
-    """A pulse as newer ground stations read it."""
+    """A pulse as newer ground stations read it; by default no detection and no pose."""
 
     COMMAND: ClassVar = CommandId.PULSE
     LAYOUT: ClassVar = struct.Struct("<III4x4dHH4xddBB6x3d3f4x")
     tag_id: int
     frequency_hz: int
     start_time_s: float
-    predict_next_start_s: float
-    snr_db: float
-    stft_score: float
-    group_sequence: int
-    group_index: int
-    group_snr_db: float
-    noise_psd: float
-    detection_status: int
-    confirmed_status: int
-    latitude_deg: float
-    longitude_deg: float
-    altitude_relative_m: float
-    roll_deg: float
-    pitch_deg: float
-    yaw_deg: float
+    predict_next_start_s: float = 0.0
+    snr_db: float = 0.0
+    stft_score: float = 0.0
+    group_sequence: int = 0
+    group_index: int = 0
+    group_snr_db: float = 0.0
+    noise_psd: float = 0.0
+    detection_status: int = 0
+    confirmed_status: int = 0
+    latitude_deg: float = math.nan
+    longitude_deg: float = math.nan
+    altitude_relative_m: float = math.nan
+    roll_deg: float = math.nan
+    pitch_deg: float = math.nan
+    yaw_deg: float = math.nan
 
 
 Messages = AckG1 | TagG1 | StartDetection | RawCapture | Heartbeat | PulseG1

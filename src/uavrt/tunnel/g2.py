@@ -173,10 +173,7 @@ class AckG2(Fixed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperationProgress(Fixed):
-    """Progress of a request after its acknowledgement (from version 5 on).
-
-    The message is cut to 99 bytes.
-    """
+    """Progress of a request after its acknowledgement (version 5 on), in 99 bytes."""
 
     COMMAND: ClassVar = CommandId.OPERATION_PROGRESS
     LAYOUT: ClassVar = struct.Struct("<I4xIIIII100s")

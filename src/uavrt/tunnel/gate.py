@@ -159,10 +159,7 @@ class Gate:
 
 
 class Sealer:
-    """Seals what the ground sends.
-
-    `key`: the shared secret. `own`: our system and component id.
-    """
+    """Seals what the ground sends, as our system and component, with the shared secret."""
 
     def __init__(self, key: Key, own: Place) -> None:
         self._key = key

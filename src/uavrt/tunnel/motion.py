@@ -260,10 +260,7 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 
 
 def cut_text(text: str, tail: str = "") -> str:
-    """Cut a text so that its tail fits; the cut ends with a whole word and an ellipsis.
-
-    `tail` must be read and is never cut.
-    """
+    """Cut a text at a whole word so that its tail, which must be read, fits."""
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:
         return text + tail

@@ -38,10 +38,7 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Write a drone's report, with as many tags as fit.
-
-    Raises `TunnelError` for an invalid place, or a leg longer than 7 km.
-    """
+    """Write a drone's report, with as many tags as fit; raises `TunnelError`."""
     here = course.place
     latitude, longitude = here
     asked = course.asked_way or (here, here)

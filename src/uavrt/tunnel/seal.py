@@ -109,10 +109,7 @@ def prove_answer(state: bytes, key: Key, session: Session, station: Place) -> by
 def proven_answer(
     payload: bytes, key: Key, session: Session, station: Place, request_ids: Iterable[int]
 ) -> bytes:
-    """Turn an answer of type 60011 back into one of type 60006.
-
-    Raises `TunnelError` if it answers none of these requests, or is forged.
-    """
+    """Turn an answer of type 60011 into one of 60006; raises `TunnelError` if forged."""
     first = payload[0] if payload else 0
     for request_id in request_ids:
         number = request_id.to_bytes(4, "little")
@@ -157,11 +154,7 @@ def parameter_of(inside: bytes) -> tuple[str, float]:
 
 
 class SealKeeper:
-    """Opens sealed payloads that are authentic, new, and meant for this drone and session.
-
-    `key`: the shared secret.
-    `session`: number of the session; drawn at random unless given.
-    """
+    """Opens sealed payloads that are authentic, new, and meant for us and this session."""
 
     def __init__(self, key: Key, session: int | None = None) -> None:
         self._key = key
@@ -181,11 +174,7 @@ class SealKeeper:
         return prove_answer(state, self._key, Session(self._session, drone), station)
 
     def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
-        """Get the content, and its kind.
-
-        Raises `TunnelError`, with the reason: forged, repeated, damaged, or for another drone
-        or session.
-        """
+        """Get the content and its kind; raises `TunnelError` with the reason it is refused."""
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]

@@ -103,8 +103,8 @@ def markdown(results: Results) -> str:
     """The whole table as a page."""
     parts = [
         "# What the detector reaches",
-        "Written by `uavrt experiment detection`. The figure decides whether a bar is met; "
-        "where the bar lies inside of the 95 % interval, that is said.",
+        "Written by `uavrt experiment detection`. A bar is met or not by the measured "
+        "value alone; the table notes bars inside the 95 % interval.",
         f"{bars_kept(results.rows)}.",
     ]
     for name, experiment in EXPERIMENTS.items():

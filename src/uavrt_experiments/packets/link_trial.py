@@ -180,8 +180,8 @@ class LinkTrial:
 
     def _pulse(self, index: int) -> None:
         self._recorded.append(index)
-        self.sender.add((2, index), index)
-        self._most = max(self._most, len(self.sender))
+        self.sender.pulses.add((2, index), index)
+        self._most = max(self._most, len(self.sender.pulses))
         self._pump()
 
     def _pump(self) -> None:
@@ -202,17 +202,17 @@ class LinkTrial:
 
     def _refill(self) -> None:
         """Refill the queue as `uavrt.recording.spool` does from the flight's database."""
-        store = self.sender.wanted()
+        store = self.sender.pulses.wanted()
         if store is None:
             return
-        self.sender.reading(store)
-        kept, here = self._on_disk.get(store, set()), self.sender.keys(store)
+        self.sender.stores.note_on_disk(store, on_disk=False)
+        kept, here = self._on_disk.get(store, set()), self.sender.pulses.keys(store)
         items = [
             ((2, i), i)
             for i in reversed(self._recorded)
             if i not in kept and (2, i) not in here
         ]
-        self.sender.refill(store, items[:512], more=len(items) > 512)
+        self.sender.pulses.refill(store, items[:512], more=len(items) > 512)
 
     def _forward(self, raw: bytes) -> None:
         if not self._settings.forwarding:
@@ -245,7 +245,9 @@ class LinkTrial:
                 kept = self._on_disk.setdefault(receipt.store, set())
                 kept.update(index for _, index in new)
                 if receipt.hashes:
-                    self.queue.rate.acknowledged(self.sender.fresh_trip_s, self.time.now_ns)
+                    self.queue.rate.acknowledged(
+                        self.sender.underway.fresh_trip_s, self.time.now_ns
+                    )
         self._pump()
 
     # -------------------------------------------------------------- the ground

@@ -88,7 +88,9 @@ def show_where_the_data_are(watched: Watched, drone: Any) -> None:
     expect(page.locator("#download-text")).to_contain_text(" of ")
     watched.caption("… and comes over the same link, without a keyboard at the drone.", 4)
     with watched.cut():
-        expect(page.locator("#download-text")).to_contain_text("here", timeout=6 * WAIT_MS)
+        expect(page.locator("#download-text")).to_contain_text(
+            "downloaded", timeout=6 * WAIT_MS
+        )
     watched.caption("", 1)
 
 

@@ -73,7 +73,7 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
     watched.caption("Asked again, it says what it would do. Nothing moves until it is held.")
     assert "search" in here.fly()
     watched.caption("Each flight and turn comes with its reason.", 1.0)
-    expect(page.locator("#motion-text")).to_contain_text("nats about")
+    expect(page.locator("#motion-text")).to_contain_text("to learn more about tag")
     watched.picture("move-searching")
     if VIDEO:
         standing = page.locator("#motion-standing")

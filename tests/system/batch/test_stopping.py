@@ -3,17 +3,20 @@
 import os
 import signal
 import subprocess
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from archived import TAGS, record
+from archived_pulses import archive
 from command_line import launched
 from past_flight import write_flight
 from until import until
 
-from uavrt.batch.months import duckdb_connection
+from uavrt.batch.months import in_duckdb
 from uavrt.cli.detect import stop_on_signals
 
 
@@ -68,22 +71,67 @@ def test_ctrl_c_ends_each_stage_in_two_seconds(
     assert "Traceback" not in said
 
 
-def test_ctrl_c_in_a_query_of_duckdb_is_an_interrupt() -> None:
-    """DuckDB notices it between two tasks of a query, so this one is not endless."""
-    pairs = "range(200000) AS one, range(9999) AS other"
+def in_time(sql: str, after_s: float, handler: Any) -> Any:
+    """Answer a query of DuckDB; a signal arrives some time after it began."""
 
-    def ask() -> None:
-        with duckdb_connection() as connection:
-            signal.setitimer(signal.ITIMER_REAL, 0.3)
-            connection.execute(f"SELECT max(one.range * other.range) FROM {pairs}")
+    def query(connection: Any) -> Any:
+        signal.setitimer(signal.ITIMER_REAL, after_s)
+        return connection.execute(sql).fetchall()
 
-    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    before = signal.signal(signal.SIGALRM, handler)
     try:
-        with pytest.raises(KeyboardInterrupt):
-            ask()
+        return in_duckdb(query, threads="1")
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+
+
+def test_what_a_handler_raises_interrupts_a_query_within_one_task() -> None:
+    """DuckDB itself looks for signals between two tasks; this one would take minutes."""
+    begun_s = time.monotonic()
+    sql = "SELECT max(a.range * b.range) FROM range(100000000) AS a, range(9999) AS b"
+    with pytest.raises(KeyboardInterrupt):
+        in_time(sql, 0.3, signal.default_int_handler)
+    assert time.monotonic() - begun_s < 10.0
+    until(lambda: all(one.name != "duckdb" for one in threading.enumerate()), 10.0)
+
+
+def test_a_signal_that_is_only_noted_ends_no_query() -> None:
+    noted: list[int] = []
+    sql = "SELECT sum(range) FROM range(20000000)"
+    answer = in_time(sql, 0.001, lambda number, _: noted.append(number))
+    assert answer == [(199999990000000,)]
+    assert noted == [signal.SIGALRM]
+
+
+@pytest.mark.parametrize(
+    ("sql", "after_s"),
+    [
+        ("SELECT max(a.range * b.range) FROM range(1000000000) AS a, range(9999) AS b", 0.5),
+        # one call of a function, which DuckDB does not interrupt
+        ("SELECT len(list_sort(list_transform(range(10000000), lambda x: hash(x))))", 1.0),
+        ("SELECT range AS number, 'word' AS word FROM range(3000000)", 1.5),
+    ],
+    ids=["pairs", "function", "rows"],
+)
+def test_ctrl_c_ends_a_long_query_at_once(tmp_path: Path, sql: str, after_s: float) -> None:
+    archive(tmp_path, 1)
+    program = launched(
+        *("-m", "uavrt.cli", "archive", "query", tmp_path, sql),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    place = Path(f"/proc/{program.pid}")
+    until(lambda: "duckdb" in (place / "maps").read_text(), 60.0)
+    until(lambda: len(os.listdir(place / "task")) > 1, 60.0)
+    time.sleep(after_s)
+    assert program.poll() is None
+    begun_s = time.monotonic()
+    os.killpg(program.pid, signal.SIGINT)
+    _, said = program.communicate(timeout=60.0)
+    assert time.monotonic() - begun_s < 10.0
+    assert (program.returncode, said) == (130, "")
 
 
 def has_open(pid: int, name: str) -> bool:

@@ -43,18 +43,18 @@ def test_a_wrong_label_is_corrected_by_one_press_and_undone_by_another(
     expect(box).to_contain_text("148.9352\u202fMHz · every 1102\u202fms")
     expect(box).to_contain_text("an image of 148.710640 MHz (tag 2)", timeout=4 * WAIT_MS)
     watched.picture("beeps")
-    page.get_by_role("button", name="List tag 2 here").click()
+    page.get_by_role("button", name="Set tag 2 to this frequency").click()
     expect(box).to_contain_text(
         "tag 2: 148.710640 MHz, was 148.710000 MHz", timeout=4 * WAIT_MS
     )
     assert read_tags(scene.here / "tags.toml")[0].frequency_hz == 148_710_640.0
-    until(lambda: drone.world.mission.tags[2].frequency_hz == 148_710_640.0)
+    until(lambda: drone.world.mission.upload.tags[2].frequency_hz == 148_710_640.0)
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     watched.picture("beeps-corrected")
     page.get_by_role("button", name="Undo").click()
     expect(box).not_to_contain_text("above its label", timeout=4 * WAIT_MS)
     expect(box.get_by_role("button")).to_have_count(0, timeout=4 * WAIT_MS)
-    until(lambda: drone.world.mission.tags[2].frequency_hz == THESIS_TAG.frequency_hz)
+    until(lambda: drone.world.mission.upload.tags[2].frequency_hz == THESIS_TAG.frequency_hz)
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
 
 
@@ -78,4 +78,4 @@ def test_an_offset_of_all_tags_is_shown_with_one_button_for_the_receiver(scene: 
     box = page.locator("#beeps")
     expect(box).to_contain_text("The tags are +2.0 ppm off their labels", timeout=4 * WAIT_MS)
     expect(box.get_by_role("button", name="Correct the receiver")).to_have_count(1)
-    expect(box.get_by_role("button", name="here")).to_have_count(0)
+    expect(box.get_by_role("button", name="to this frequency")).to_have_count(0)

@@ -323,7 +323,7 @@ def test_a_receiver_tells_where_the_people_stand(scene: Scene) -> None:
     page.fill("#set-my-place", "the shelf")
     page.keyboard.press("Tab")
     expect(page.locator("#set-my-place-fault")).to_contain_text(
-        "is no address of a GPS receiver"
+        "is not the address of a GPS receiver"
     )
     page.wait_for_timeout(2500)  # states of each second leave the reason, and what was typed
     expect(page.locator("#set-my-place-fault")).to_contain_text("is no address", timeout=1)

@@ -163,7 +163,9 @@ def test_flights_are_fetched_compared_and_exported(scene: Scene) -> None:
         page.click(f'[data-remote="{remote}"] .fetch')
         expect(page.locator("#download-text")).to_contain_text(" of ", timeout=WAIT_MS)
         watched.picture("download")
-        expect(page.locator("#download-text")).to_contain_text("here", timeout=2 * WAIT_MS)
+        expect(page.locator("#download-text")).to_contain_text(
+            "downloaded", timeout=2 * WAIT_MS
+        )
         fetched = page.locator(f'tr[data-flight="{remote}_drone"]')
         expect(fetched).to_contain_text("lynx")
 

@@ -182,6 +182,20 @@ def test_only_some_requests_wait_for_the_process(worker: ForeignWorker) -> None:
     assert asyncio.run(main()) == (MOST_WAITING, 10)
 
 
+def test_what_is_cancelled_ends_at_once_and_the_next_one_is_read(worker: ForeignWorker) -> None:
+    async def main() -> str:
+        calls = [asyncio.create_task(worker.call(time.sleep, 50.0)) for _ in range(2)]
+        await asyncio.sleep(0.5)
+        for call in calls:
+            call.cancel()
+        await asyncio.wait(calls)
+        return await worker.call(spin, 0.001)
+
+    begun_s = time.monotonic()
+    assert asyncio.run(main()) == "done"
+    assert time.monotonic() - begun_s < 30.0
+
+
 @contextlib.contextmanager
 def ground_program(directory: Path, files: int) -> Iterator[tuple[int, int, int]]:
     """The ground station as a program with few descriptors: process, page and link."""

@@ -109,7 +109,7 @@ async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
         # The first command does not show of which version its sender is.
         later = AckG0 if generation == "G0" else AckG1
         assert [type(ack) for ack in acks] == [AckG1, later, later, later]
-        assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+        assert world.mission.upload.tags == {thesis_tag.tag_id: thesis_tag}
         assert world.mission.state.name == "DETECTING"
         for index in range(10):
             world.find_pulse(index)

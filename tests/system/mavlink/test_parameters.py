@@ -39,12 +39,12 @@ async def test_mavsdk_lists_sets_and_reads_our_parameters(world: World, flavour:
         await param.set_param_int("RADIO_GAIN", 15)
         await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
         await param.set_param_float("DET_FALSE_ALARM", 0.005)
-        assert world.mission.settings.radio.gain == 15
-        assert world.mission.settings.radio.center_frequency_hz == 148_705_000.0
-        assert world.mission.settings.detection.false_alarm_probability == 0.005
+        assert world.mission.settings.now.radio.gain == 15
+        assert world.mission.settings.now.radio.center_frequency_hz == 148_705_000.0
+        assert world.mission.settings.now.detection.false_alarm_probability == 0.005
         assert await param.get_param_int("RADIO_GAIN") == 15
         await param.set_param_int("RADIO_GAIN", -1)
-        assert world.mission.settings.radio.gain is None
+        assert world.mission.settings.now.radio.gain is None
         param.destroy()
     configuration.destroy()
 
@@ -99,6 +99,6 @@ async def test_mavproxy_shows_and_sets_our_parameters(
 
     async with world.flying(flavour=flavour):
         said = await asyncio.to_thread(client)
-        assert world.mission.settings.radio.gain == 15, said
-        assert world.mission.settings.detection.false_alarm_probability == 0.005, said
+        assert world.mission.settings.now.radio.gain == 15, said
+        assert world.mission.settings.now.detection.false_alarm_probability == 0.005, said
         assert re.search(r"RADIO_GAIN\s+15", said), said

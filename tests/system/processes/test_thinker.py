@@ -8,9 +8,10 @@ from searched import Animal, Searched
 from until import until
 
 from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.search_rules import SEARCH
 from uavrt.guidance.seeker import Choice
 from uavrt.messages import SearchNote
-from uavrt.processes.thinker import CYCLE_S, Failed, Thinker
+from uavrt.processes.thinker import Failed, Thinker
 
 
 class Slow:
@@ -54,9 +55,9 @@ def test_decisions_under_way_are_a_cycle_apart() -> None:
     slow: Any = Slow()
     slow.go.set()
     thinker = Thinker(slow)
-    for time_s in (100.0, 100.0 + 0.9 * CYCLE_S, 100.0 + 1.1 * CYCLE_S):
+    for time_s in (100.0, 100.0 + 0.9 * SEARCH.cycle_s, 100.0 + 1.1 * SEARCH.cycle_s):
         thinker.ask(0, now_at(time_s), idle=False)
-        if time_s != 100.0 + 0.9 * CYCLE_S:
+        if time_s != 100.0 + 0.9 * SEARCH.cycle_s:
             until(thinker.thoughts)
     assert slow.asked == 2
 

@@ -13,7 +13,7 @@ from command_line import python
 
 from uavrt.config.settings import Settings
 from uavrt.errors import FormatError, RecordingError
-from uavrt.messages import FlightInfo, Poses
+from uavrt.messages import FlightInfo
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout
@@ -34,7 +34,7 @@ limit = 200_000
 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
 recorded, failures, number = 0, 0, 0
 while failures < 3:
-    recorder.write_pulse_poses([pulse_pose(number + n) for n in range(10)])
+    recorder.write_pulses([pulse_pose(number + n) for n in range(10)])
     number += 10
     try:
         recorder.commit()
@@ -99,12 +99,12 @@ def test_a_flight_begun_on_a_failing_disk_is_recorded_once_the_disk_is_mended(
     card.write_text("a file in the place of the directory")
     info = numbered.info(card / "flight")
     recorder = FlightRecorder.open(info, Settings())
-    recorder.write_pulse_poses([numbered.pulse_pose(0)])
+    recorder.write_pulses([numbered.pulse_pose(0)])
     with pytest.raises(RecordingError, match="cannot make the flight directory"):
         recorder.commit()
     assert recorder.failed_commits == 2
     card.unlink()
-    recorder.write_pulse_poses([numbered.pulse_pose(1)])
+    recorder.write_pulses([numbered.pulse_pose(1)])
     recorder.close()
     flight = read_flight(info.directory)
     assert flight.info == info
@@ -117,7 +117,7 @@ def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
 ) -> None:
     info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses(numbered.pulse_pose(n) for n in range(200))
+    recorder.write_pulses(numbered.pulse_pose(n) for n in range(200))
     recorder.close()
     layout = FlightLayout(Path(info.directory))
     content = bytearray(layout.database.read_bytes())
@@ -130,7 +130,7 @@ def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
         read_flight(info.directory)
 
     restarted = FlightRecorder.open(info)
-    restarted.write_pulse_poses([numbered.pulse_pose(200)])
+    restarted.write_pulses([numbered.pulse_pose(200)])
     restarted.close()
     flight = read_flight(info.directory)
     starts = [one.pulse.start_time_ns for one in flight.pulse_poses]
@@ -150,7 +150,7 @@ def test_memory_is_bounded_while_the_disk_fails_and_pulses_outlast_poses(
     recorder.write_pulses([numbered.pulse(0)])
     for second in range(30):
         many = tuple(numbered.pose(START_NS + second * 1000 + n) for n in range(1000))
-        recorder.write_poses(Poses(poses=many))
+        recorder.write(*many)
     assert recorder.waiting_records == 20_001
     assert recorder.dropped_records == 10_000
     recorder.close()
@@ -180,7 +180,7 @@ def fill_the_disk(disk: Path, info: FlightInfo, *, full: bool) -> None:
     recorder = FlightRecorder.create(info)
     recorded = number = failures = 0
     while failures < 3 and number < 2000:
-        recorder.write_pulse_poses([numbered.pulse_pose(number)])
+        recorder.write_pulses([numbered.pulse_pose(number)])
         number += 1
         try:
             recorder.commit()
@@ -217,7 +217,7 @@ def test_to_go_on_with_a_long_flight_takes_no_more_memory_than_with_a_short_one(
     grown = {}
     numbers = iter(range(60_000))
     for count in (2_000, 30_000):
-        recorder.write_pulse_poses(
+        recorder.write_pulses(
             numbered.pulse_pose(number, tag_id=2 + 2 * (number % 2))
             for number in itertools.islice(numbers, count)
         )

@@ -46,8 +46,8 @@ def write(directory: str, first: int) -> None:
         number += 1
         recorder.write_pulses(one.pulse for one in batch)
         recorder.commit()
-        recorder.write_pulse_poses(batch)
-        recorder.write_poses(Poses(poses=tuple(one.pose for one in batch)))
+        recorder.write_pulses(batch)
+        recorder.write(*(one.pose for one in batch))
         recorder.commit()
         sys.stdout.write(f"{number}\\n")
         sys.stdout.flush()

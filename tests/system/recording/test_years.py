@@ -63,7 +63,7 @@ def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
             refused += 1
             (card.place / "holiday.mp4").unlink(missing_ok=True)
             recorder = FlightRecorder.open(info, None)
-        recorder.write_pulse_poses([numbered.pulse_pose(n) for n in range(3)])
+        recorder.write_pulses([numbered.pulse_pose(n) for n in range(3)])
         channels = FlightLayout(flight).channels_directory
         if number % 7 == 0:
             channels.mkdir(parents=True)
@@ -102,14 +102,14 @@ def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
 ) -> None:
     flight = card.place / "flight_log_2026-05-01_08-15-00"
     recorder = FlightRecorder.open(numbered.info(flight), durable=True)
-    recorder.write_pulse_poses([numbered.pulse_pose(n) for n in range(40)])
+    recorder.write_pulses([numbered.pulse_pose(n) for n in range(40)])
     recorder.commit()
     settings = Settings(recording=RecordingSettings(directory=str(card.place)))
     healthy = checks.check_card(settings)
     assert healthy.ok
     assert "(ext4)" in healthy.text
     card.fail()
-    recorder.write_pulse_poses([numbered.pulse_pose(n) for n in range(40, 60)])
+    recorder.write_pulses([numbered.pulse_pose(n) for n in range(40, 60)])
     for _ in range(2):
         with pytest.raises(RecordingError) as caught:
             recorder.commit()
@@ -129,7 +129,7 @@ def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
     assert len(guard.check()) == 1
     assert len(read_flight(flight).pulse_poses) == 40
     # The card comes back with the next boot; the process has kept what it could not write.
-    recorder._disconnect()
+    recorder.database.disconnect()
     card.unmount()
     card.check()
     card.mount()

@@ -194,7 +194,7 @@ async def test_a_process_that_falls_silent_is_killed_and_comes_back(run: Run) ->
 
 async def test_a_detector_s_status_names_the_tags_that_it_was_started_with(run: Run) -> None:
     async with run(SILENT, replace(ROW, produces=("health", "search_report"))) as yard:
-        yard.fleet._mission.tags = {tag_id: made.tag(tag_id, 148e6) for tag_id in (2, 4)}
+        yard.fleet._mission.upload.begin([made.tag(tag_id, 148e6) for tag_id in (2, 4)])
         await yard.until(lambda: yard.records)
         assert yard.instance.status().tag_ids == (2, 4)
 

@@ -94,7 +94,7 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
         )
         times = range(scenario.start_time_ns, end_ns, 100_000_000)
         if poses:
-            recorder.write_poses(flown(scenario))
+            recorder.write(*flown(scenario).poses)
         rng = np.random.default_rng(3)
         for truth, pose in sent(scenario):
             snr_db = truth.enr_db + float(rng.normal(0.0, 1.0))
@@ -111,11 +111,11 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
                 predicted_next_start_ns=truth.start_time_ns + 1_254_000_000,
                 predicted_next_end_ns=truth.end_time_ns + 1_254_000_000,
             )
-            recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=pose if poses else None)])
+            recorder.write_pulses([PulsePose(pulse=pulse, pose=pose if poses else None)])
         for second, time_ns in enumerate(times[::10]):
             counters = {"samples_lost": float(second // 100)}
             for process in ("receiver", "detector_1"):
-                recorder.write_health(
+                recorder.write(
                     Health(
                         process=process,
                         time_ns=time_ns,
@@ -124,7 +124,7 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
                         counters=counters,
                     )
                 )
-            recorder.write_search_report(
+            recorder.write(
                 made.search_report(
                     1 + tags, time_ns, noise_psd=1e-12 * math.exp(second / 300), best_score=0.4
                 )

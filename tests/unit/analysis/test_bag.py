@@ -20,7 +20,7 @@ from uavrt.analysis.measure.bag import export_bag
 from uavrt.cli.app import app
 from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.errors import FormatError, UsageError
-from uavrt.messages import Command, CommandReply, Pose, Poses, Pulse, PulsePose, StatusText
+from uavrt.messages import Command, CommandReply, Pose, Pulse, PulsePose, StatusText
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.integrated import IntegratedVerdict, write_integrated
@@ -57,15 +57,13 @@ def flight(tmp_path: Path) -> Path:
     recorder = FlightRecorder.create(info, settings)
     pulses = [a_pulse(number) for number in range(30)]
     recorder.write_pulses(pulses)
-    recorder.write_pulse_poses(
+    recorder.write_pulses(
         PulsePose(pulse=pulse, pose=a_pose(pulse.start_time_ns) if number < 29 else None)
         for number, pulse in enumerate(pulses)
     )
-    recorder.write_poses(
-        Poses(poses=tuple(a_pose(START_NS + number * 50_000_000) for number in range(100)))
-    )
+    recorder.write(*(a_pose(START_NS + number * 50_000_000) for number in range(100)))
     recorder.write_status_text(StatusText(severity=4, text="radio absent"), START_NS + 5)
-    recorder.write_search_report(made.search_report(2, START_NS + 2 * 10**9, noise_psd=1e-9))
+    recorder.write(made.search_report(2, START_NS + 2 * 10**9, noise_psd=1e-9))
     for number, accepted in ((1, False), (2, True)):
         stop = Command(name="stop_detection", request_id=number, source="ros2")
         reply = CommandReply(request_id=number, name=stop.name, accepted=accepted, message="")

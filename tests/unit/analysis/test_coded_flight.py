@@ -16,7 +16,7 @@ from uavrt.analysis.measure.recorded_pulses import detect
 from uavrt.analysis.report.words import code_table, methods
 from uavrt.analysis.survey import read_survey
 from uavrt.config.tag_files import parse_tags, read_tags, write_tags
-from uavrt.messages import Poses, Pulse, PulsePose
+from uavrt.messages import Pulse, PulsePose
 from uavrt.radio.opening import open_recording
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
@@ -75,7 +75,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for pulse in found:
         middle_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
         pose = scenario.antenna_pose(middle_ns)
-        recorder.write_pulse_poses((PulsePose(pulse=pulse, pose=pose),))
+        recorder.write_pulses((PulsePose(pulse=pulse, pose=pose),))
     recorder.commit()
     recorder.close()
     return folder / "flight"
@@ -275,7 +275,7 @@ def test_a_whole_flight_places_a_code_beside_one_that_shares_three_of_its_pulses
     )
     recorder = FlightRecorder.create(info, None)
     times_ns = [scenario.start_time_ns + number * 200_000_000 for number in range(501)]
-    recorder.write_poses(Poses(poses=tuple(scenario.antenna_pose(one) for one in times_ns)))
+    recorder.write(*(scenario.antenna_pose(one) for one in times_ns))
     recorder.commit()
     recorder.close()
     sender = scenario.tags[0]

@@ -20,7 +20,7 @@ from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.flight_estimates import Found, ReadAs, TagBearing, place
-from uavrt.messages import Pose, Poses, PulsePose
+from uavrt.messages import Pose, PulsePose
 from uavrt.recording.flight_order import note_flight
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
@@ -92,8 +92,8 @@ def as_flight(
         made.flight_info(directory, (tag,), start_time_ns=start_ns, center_frequency_hz=148e6),
         Settings(),
     )
-    recorder.write_poses(Poses(poses=tuple(poses)))
-    recorder.write_pulse_poses(pulses)
+    recorder.write(*poses)
+    recorder.write_pulses(pulses)
     if vehicle is not None:
         recorder.write_note(vehicle_note(vehicle), START_NS)
     recorder.close()

@@ -9,7 +9,7 @@ from uavrt.analysis.measure.redetect import FlightWriter
 from uavrt.attitude import yaw_deg
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.errors import RecordingError
-from uavrt.messages import Poses, Pulse, StatusText
+from uavrt.messages import Pulse, StatusText
 from uavrt.recording.detector_configs import read_detector_config
 from uavrt.recording.flight_reader import Flight, read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
@@ -53,7 +53,7 @@ def flown(tmp_path: Path) -> Flight:
         )
         for number in range(600)
     )
-    recorder.write_poses(Poses(poses=poses))
+    recorder.write(*poses)
     recorder.write_status_text(StatusText(severity=6, text="armed"), START_NS)
     recorder.close()
     return read_flight(info.directory)

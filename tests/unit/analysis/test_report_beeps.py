@@ -24,7 +24,7 @@ def test_a_report_has_a_line_for_each_odd_sender_and_none_for_listed_ones(
         made.beep(BeepKind.UNLISTED, frequency_hz=148_935_200.0, interval_s=1.102),
         made.beep(BeepKind.LISTED, tag_ids=(2,), offsets_hz=(3.0,)),
     ):
-        recorder.write_beep(beep)
+        recorder.write(beep)
     recorder.close()
     survey = read_survey(tmp_path / "flight")
     table = words.beep_table(survey)
@@ -42,7 +42,7 @@ def test_a_report_names_an_offset_of_all_tags_although_each_is_found_as_listed(
     tags = made.tag(2, 148_710_000.0), made.tag(4, 148_760_000.0)
     recorder = FlightRecorder.create(made.flight_info(tmp_path / "flight", tags))
     for tag in tags:
-        recorder.write_beep(
+        recorder.write(
             made.beep(
                 BeepKind.LISTED,
                 frequency_hz=tag.frequency_hz + 300.0,

@@ -50,7 +50,7 @@ def fly(
     recorder = FlightRecorder.open(info)
     for tag_id, from_s in (heard or {}).items():
         times = range(start_ns + from_s * SECOND, start_ns + (from_s + 60) * SECOND, 12 * 10**8)
-        recorder.write_pulse_poses(
+        recorder.write_pulses(
             [
                 PulsePose(
                     pulse=made.pulse(time_ns + shift_ns, tag_id=tag_id, snr_db=snr_db),
@@ -59,7 +59,7 @@ def fly(
                 for time_ns in times
             ]
         )
-    recorder.write_search_report(
+    recorder.write(
         made.search_report(
             tags[0].tag_id,
             start_ns + minutes * 60 * SECOND,

@@ -12,7 +12,6 @@ import pytest
 from gapped import GAP_S, KINDS, write_gapped
 
 from uavrt.analysis.measure.switched import (
-    SPEED_OF_LIGHT_M_S,
     SWITCH_KEY,
     read_switched_array,
     switched_bearings,
@@ -27,6 +26,7 @@ from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.recording import simulate_to_directory
 from uavrt.simulation.scenario import Radio, Scenario
 from uavrt.simulation.world import World
+from uavrt.units import SPEED_OF_LIGHT_M_S
 from uavrt_experiments.localization.array_bars import switched_bound_deg
 
 RATE_HZ = 48_000.0

@@ -136,14 +136,13 @@ def test_the_result_of_a_search_fits_80_columns_and_says_how_many_were_found() -
         (
             "decision",
             "turn by 360° in 20 s",
-            "none of 38 ways keeps the distance, an animal may be near with 0.03: listening "
-            "first, 1.2 nats about tag 4",
-            "turn once in place: an animal may be near: it listens before it flies",
+            "to locate tag 4, which may be near, first",
+            "turn once in place: to locate tag 4, which may be near, first",
         ),
         (
             "decision",
             "fly 120 m north-east",
-            "1.3 nats about tag 4 in 16 s; in all 0.081/s; 38 candidates",
+            "to learn more about tag 4",
             "fly 120 m north-east: to learn more about tag 4",
         ),
         ("found", "tag 4 found", "95 % within 21 m; bias +2.6 σ, scatter × 0.3", "21 m (95 %)"),

@@ -11,7 +11,6 @@ from command_line import uavrt
 
 from uavrt.attitude import yaw_deg
 from uavrt.clock import iso_utc
-from uavrt.messages import Poses
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 
@@ -40,7 +39,7 @@ def flown(tmp_path: Path) -> Path:
         )
         for n in range(20 * (SECONDS + 1))
     )
-    recorder.write_poses(Poses(poses=poses))
+    recorder.write(*poses)
     recorder.close()
     t = np.arange(RATE_HZ * SECONDS) / RATE_HZ
     rng = np.random.default_rng(3)

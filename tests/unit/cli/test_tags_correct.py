@@ -20,7 +20,7 @@ def flight(tmp_path: Path) -> Path:
     directory = tmp_path / "flight"
     recorder = FlightRecorder.create(made.flight_info(directory, (TAG, OTHER)))
     for pulses, away_hz in ((12, 600.0), (30, 640.0)):
-        recorder.write_beep(
+        recorder.write(
             made.beep(
                 time_ns=pulses,
                 frequency_hz=TAG.frequency_hz + away_hz,
@@ -29,7 +29,7 @@ def flight(tmp_path: Path) -> Path:
                 pulses=pulses,
             )
         )
-    recorder.write_beep(
+    recorder.write(
         made.beep(
             BeepKind.LISTED,
             frequency_hz=OTHER.frequency_hz + 3.0,
@@ -39,7 +39,7 @@ def flight(tmp_path: Path) -> Path:
             offsets_hz=(3.0,),
         )
     )
-    recorder.write_beep(
+    recorder.write(
         made.beep(
             frequency_hz=148_900_000.0, interval_s=1.5, tag_ids=(2, 4), offsets_hz=(1.0, 2.0)
         )
@@ -88,7 +88,7 @@ def test_a_drift_within_the_search_is_listed_from_the_newest_flight(
     flights = [tmp_path / name for name in ("first", "second")]
     for directory, drift_hz, time_ns in zip(flights, (260.0, 140.0), (20, 10), strict=True):
         recorder = FlightRecorder.create(made.flight_info(directory, (TAG,)))
-        recorder.write_beep(
+        recorder.write(
             made.beep(
                 BeepKind.LISTED,
                 time_ns=time_ns,
@@ -110,7 +110,7 @@ def test_frequency_and_interval_of_one_tag_are_corrected_together(
 ) -> None:
     later = tmp_path / "later"
     recorder = FlightRecorder.create(made.flight_info(later, (TAG,)))
-    recorder.write_beep(
+    recorder.write(
         made.beep(
             BeepKind.LISTED,
             time_ns=99,
@@ -137,7 +137,7 @@ def test_frequency_and_interval_of_one_tag_are_corrected_together(
 def flown(directory: Path, *beeps: Beep) -> Path:
     recorder = FlightRecorder.create(made.flight_info(directory, (TAG, OTHER)))
     for beep in beeps:
-        recorder.write_beep(beep)
+        recorder.write(beep)
     recorder.close()
     return directory
 

@@ -8,7 +8,6 @@ import pytest
 from some import some
 
 from uavrt.attitude import yaw_deg
-from uavrt.messages import Poses
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt_experiments.rotation import words
 from uavrt_experiments.rotation.cart import BEARING_DEG, Cart, original_samples, with_poses
@@ -91,8 +90,8 @@ def test_a_real_flight_is_read_the_same_way(tmp_path: Path) -> None:
         times = range(
             scenario.start_time_ns, scenario.start_time_ns + 77_000_000_000, 200_000_000
         )
-        recorder.write_poses(Poses(poses=tuple(map(scenario.vehicle_pose, times))))
-        recorder.write_pulse_poses(pulse_poses)
+        recorder.write(*map(scenario.vehicle_pose, times))
+        recorder.write_pulses(pulse_poses)
         recorder.commit()
         recorder.close()
         (one,) = real_rotations(

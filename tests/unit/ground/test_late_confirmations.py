@@ -96,6 +96,6 @@ async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     await page.confirm(wish, "page")
     await page.ask({"action": "hold"}, "page")
     hands.time_ns += 11 * SECOND_NS
-    with pytest.raises(CommandRefused, match="has run out"):
+    with pytest.raises(CommandRefused, match="has expired"):
         await page.confirm(wish, "page")
     assert hands.sent == [5]

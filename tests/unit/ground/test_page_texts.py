@@ -161,7 +161,7 @@ def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
         bench.NOISE_REMEDY,
         bench.LEVEL_REMEDY,
     }
-    texts |= said(actions, "_reason") | said(bench, "_good", "_open", "_bad")
+    texts |= said(actions, "_reason") | said(bench, "passed", "_open", "failed")
     assert len(texts) > 50
     assert {text for text in texts if not has_words(text)} == set()
 

@@ -114,7 +114,7 @@ async def test_a_vehicle_that_flies_a_mission_is_given_none(flavour: Flavour) ->
         holds(autopilot, ITEMS[:3])
         some(autopilot.flown).vehicle.mode = AUTO[flavour]
         await asyncio.sleep(2.0)
-        with pytest.raises(CommandRefused, match="would change its way"):
+        with pytest.raises(CommandRefused, match="would change its path"):
             await link.missions.upload(ITEMS)
         assert len(held(autopilot)) == 3
 
@@ -127,7 +127,7 @@ async def test_an_upload_ends_when_a_mission_is_started_meanwhile(flavour: Flavo
         await asyncio.sleep(0.02)
         some(autopilot.flown).vehicle.mode = AUTO[flavour]
         autopilot.ground.inward._loss = 0.6  # it lasts longer than to the next heartbeat
-        with pytest.raises(CommandRefused, match="would change its way"):
+        with pytest.raises(CommandRefused, match="would change its path"):
             await upload
         assert len(held(autopilot)) == 3
 
@@ -165,7 +165,7 @@ async def test_a_mission_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyP
 
 async def test_a_missing_autopilot_is_reported() -> None:
     link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
-    with pytest.raises(LinkError, match="no autopilot was heard"):
+    with pytest.raises(LinkError, match="no autopilot was received"):
         await link.missions.wait(3.0)
-    with pytest.raises(LinkError, match="the autopilot is not heard"):
+    with pytest.raises(LinkError, match="no contact with the autopilot"):
         await link.missions.upload(ITEMS)

@@ -8,8 +8,9 @@ from some import some
 
 from uavrt.errors import PlanError
 from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.seeker import Choice
-from uavrt.guidance.shared_search import ANSWER_S, REPORT_AGE_S, SharedSearch
+from uavrt.guidance.shared_search import SharedSearch
 from uavrt.messages import Course, FoundTag, Neighbour
 
 
@@ -49,7 +50,7 @@ def choice(north_m: float, east_m: float, held: tuple[int, ...] = ()) -> Choice:
 @pytest.mark.parametrize(
     ("neighbour", "named"),
     [
-        (other(60.0, 0.0, 52.0, (-60.0, 0.0)), "the way of vehicle 2 is 0 m from here"),
+        (other(60.0, 0.0, 52.0, (-60.0, 0.0)), "the path of vehicle 2 is 0 m from here"),
         (other(60.0, 0.0, 45.0, (90.0, 0.0)), "searches 5 m above or below"),
     ],
 )
@@ -101,11 +102,11 @@ def test_without_a_way_it_goes_on_as_before(now: VehicleNow, how: str) -> None:
         case "denied":
             shared.take(Neighbour(vehicle=0, denied=number), now.time_s)
         case "no answer":
-            later = replace(now, time_s=now.time_s + ANSWER_S)
+            later = replace(now, time_s=now.time_s + SAFETY.answer_s)
         case "old grant":
             shared.take(Neighbour(vehicle=0, granted=number - 1), now.time_s)
             assert shared.answer(now) is None
-            later = replace(now, time_s=now.time_s + ANSWER_S)
+            later = replace(now, time_s=now.time_s + SAFETY.answer_s)
         case "another came near":
             near = other(40.0, 60.0, 52.0, (-40.0, 60.0))
             shared.take(replace(near, granted=number), now.time_s)
@@ -131,9 +132,9 @@ def test_it_stays_and_returns_unasked(now: VehicleNow) -> None:
 def test_others_stay_as_they_were_told_until_the_next_order(now: VehicleNow) -> None:
     shared = SharedSearch()
     shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    late_s = now.time_s + 5.0 * REPORT_AGE_S
+    late_s = now.time_s + 5.0 * SAFETY.report_age_s
     (one,) = shared.others(late_s)
-    assert one.age_s == 5.0 * REPORT_AGE_S
+    assert one.age_s == 5.0 * SAFETY.report_age_s
     assert shared.has_others(late_s)
     assert not shared.informed(late_s)
     shared.begin(late_s)
@@ -144,7 +145,7 @@ def test_who_asks_is_heard_by_a_station_that_has_begun_anew(now: VehicleNow) -> 
     """It does not tell of others until it has heard of some: one of them may be silent."""
     shared = SharedSearch(7)
     shared.take(other(200.0, 0.0, 52.0, (250.0, 0.0)), now.time_s)
-    later = replace(now, time_s=now.time_s + 2.0 * REPORT_AGE_S)
+    later = replace(now, time_s=now.time_s + 2.0 * SAFETY.report_age_s)
     assert not shared.speaks(later.time_s)
     assert not shared.choose(choice(0.0, 100.0), later)
     assert shared.speaks(later.time_s)

@@ -148,7 +148,7 @@ def test_it_returns_when_the_battery_is_needed_for_the_way_home(flavour: Flavour
     flown.run(10.0)
     flown.vehicle.body.used_wh = 88.0
     flown.run(5.0)
-    assert "the way home takes" in pilot.said
+    assert "the return takes" in pilot.said
     assert flown.vehicle.mode == MODES[flavour]["return"]
 
 
@@ -240,7 +240,7 @@ def test_a_height_is_given_above_sea_level_as_this_autopilot_counts_it() -> None
         ("goto", {"places": ((900.0, 0.0),), "height_m": 40.0}, "beyond the fence"),
         ("goto", {"places": ((50.0, 0.0),), "height_m": 12.0}, "the least is 20 m"),
         ("goto", {"places": ((50.0, 0.0),), "height_m": 150.0}, "the most is 120 m"),
-        ("goto", {"places": (), "height_m": 40.0}, "0 places"),
+        ("goto", {"places": (), "height_m": 40.0}, "goto takes one position, got 0"),
         (
             "survey",
             {"places": ((0.0, 0.0), (100.0, 100.0), (0.0, 100.0), (100.0, 0.0))},
@@ -248,7 +248,7 @@ def test_a_height_is_given_above_sea_level_as_this_autopilot_counts_it() -> None
         ),
         ("survey", {"places": ((0.0, 0.0), (0.0, 900.0), (90.0, 900.0))}, "beyond the fence"),
         ("survey", {"places": ()}, "no corners"),
-        ("rotate", {"duration_s": 2.0}, "whole turn in 2 s"),
+        ("rotate", {"duration_s": 2.0}, "whole turn cannot take 2 s"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_before_anything_moves(
@@ -282,7 +282,7 @@ def test_what_would_end_in_a_return_at_once_is_refused(action: str) -> None:
     flown.vehicle.body.north_m = 300.0
     flown.vehicle.body.used_wh = 85.0
     flown.run(0.5)
-    with pytest.raises(PlanError, match=r"35 Wh left; the way home takes \d+ Wh\. Return"):
+    with pytest.raises(PlanError, match=r"35 Wh left; the return takes \d+ Wh\. Return"):
         flown.order(action)
     assert not flown.commands
 

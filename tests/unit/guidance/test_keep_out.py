@@ -13,7 +13,8 @@ from some import some
 from uavrt.errors import PlanError
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
-from uavrt.guidance.plans import MARGIN_M, Go
+from uavrt.guidance.plans import Go
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut
 from uavrt.planning.actions import FlyTo
 from uavrt.planning.situation import Decision, Situation
@@ -84,7 +85,7 @@ def test_no_order_begins_over_or_behind_a_building(
     flown = Flown("px4", limits=LIMITS)
     flown.vehicle.body.north_m = north_m
     flown.run(0.2)
-    with pytest.raises(PlanError, match=f"where the drone is, a way {reason}"):
+    with pytest.raises(PlanError, match=f"from the drone's position, a path {reason}"):
         flown.order(action)
 
 
@@ -141,7 +142,9 @@ def test_a_search_keeps_out_with_its_way_home(flavour: Flavour) -> None:
         way.append(vehicle.body.place_m)
     assert not vehicle.armed
     north, east = np.array(way).T
-    assert min(float(void.off_m(east, north).min()) for void in area.voids) > 0.3 * MARGIN_M
+    assert (
+        min(float(void.off_m(east, north).min()) for void in area.voids) > 0.3 * SAFETY.margin_m
+    )
     assert any("keep-out 'barn'" in note.reason for note in search.notes)
 
 
@@ -150,7 +153,7 @@ def test_a_search_that_would_begin_over_a_building_is_refused() -> None:
     search = Searched("px4", [Animal(150.0, -60.0)], limits=limits)
     search.flown.vehicle.body.north_m = 95.0
     search.flown.run(0.2)
-    with pytest.raises(PlanError, match="where the drone is, a way enters"):
+    with pytest.raises(PlanError, match="from the drone's position, a path enters"):
         search.begin()
 
 

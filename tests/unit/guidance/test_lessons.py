@@ -106,7 +106,7 @@ def test_the_way_home_is_reckoned_with_what_was_learnt() -> None:
     assert needed > 2.5 * way_home_wh(place, 40.0, frugal, LIMITS)
     left = needed + 0.25 * 120.0 - 0.6
     low = replace(hungry, battery_percent=100.0 * left / 120.0)
-    assert must_return(low, LIMITS) == f"{left:.0f} Wh left; the way home takes {needed:.0f} Wh"
+    assert must_return(low, LIMITS) == f"{left:.0f} Wh left; the return takes {needed:.0f} Wh"
     assert must_return(replace(frugal, battery_percent=low.battery_percent), LIMITS) is None
 
 
@@ -201,7 +201,7 @@ def test_a_search_and_its_pilot_reckon_with_the_same_lessons() -> None:
     search.begin()
     search.run(600.0)
     assert search.flown.authority.reason == "returning: the autopilot flies home"
-    assert "the way home" in f"{search.pilot.said} {search.notes[-1].reason}"
+    assert "the return" in f"{search.pilot.said} {search.notes[-1].reason}"
     assert search.flown.lessons.energy.power_w(0.0) == pytest.approx(1200.0, rel=0.15)
     search.flown.run(300.0, until=lambda: not search.flown.vehicle.armed)
     assert 25.0 <= search.flown.vehicle.body.battery_percent < 45.0

@@ -62,7 +62,7 @@ def test_its_fences_are_what_we_read_as_kept_out_of() -> None:
         ({"height_m": None}, "needs a height"),
         ({"height_m": 10.0}, "the least is 20 m"),
         ({"places": ()}, "no corners"),
-        ({"spacing_m": 1.0}, "1 m apart"),
+        ({"spacing_m": 1.0}, "line spacing of 1 m"),
         ({"keep_out": (KeepOut(places=places((100, 75)), radius_m=30.0),)}, "keep away from"),
     ],
 )
@@ -82,9 +82,9 @@ HOUSE = KeepOut(places=places((40, 60)), radius_m=8.0, name="house")
     [
         (Limits(fence_m=150.0), "leads 195 m from the vehicle's home"),
         (Limits(stay_in=(FENCED,)), None),
-        (Limits(stay_in=(KeepOut(places=places((0, 0)), radius_m=150.0),)), "the way leaves"),
+        (Limits(stay_in=(KeepOut(places=places((0, 0)), radius_m=150.0),)), "the path leaves"),
         (Limits(stay_in=(KeepOut(places=places((150, 150)), radius_m=190.0),)), "home lies"),
-        (Limits(keep_out=(HOUSE,)), "the way"),  # behind it, seen from home
+        (Limits(keep_out=(HOUSE,)), "the path"),  # behind it, seen from home
         (Limits(highest_m=50.0), "the most is 50 m"),
     ],
 )

@@ -42,7 +42,7 @@ def test_it_finds_a_resting_and_a_walking_animal_and_returns(flavour: Flavour) -
 
 
 @BOTH
-def test_each_decision_has_a_reason_with_figures(flavour: Flavour) -> None:
+def test_each_decision_has_a_reason(flavour: Flavour) -> None:
     search = Searched(flavour, [Animal(150.0, -60.0)])
     search.begin()
     search.run(60.0)
@@ -51,8 +51,8 @@ def test_each_decision_has_a_reason_with_figures(flavour: Flavour) -> None:
     assert len(begun.area) == 16
     assert len([note for note in notes if note.event == "decision"]) >= 3
     for note in notes:
-        told = any(letter.isdigit() for letter in note.reason)
-        assert told or (note.text, note.reason) == ("return", "every tag is found")
+        assert note.reason
+        assert "nats" not in note.reason
         assert note.tags[0].pulses + note.tags[0].missed > 0 or note.elapsed_s < 12.0
 
 
@@ -163,10 +163,10 @@ def test_silence_counts_only_while_a_detector_listens() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"tags": (9,)}, "tag 9 is not being listened for"),
+        ({"tags": (9,)}, "tag 9 is not being searched for"),
         ({"radius_m": None}, "no area"),
         ({"radius_m": 900.0}, "beyond the fence"),
-        ({"wish_m": 0.0}, "a search to 0 m"),
+        ({"wish_m": 0.0}, "the accuracy of 0 m"),
         ({"height_m": 5.0}, "the least is"),
         ({"radius_m": None, "places": ((0, 0), (0, 90), (90, 0), (90, 90))}, "crosses itself"),
     ],

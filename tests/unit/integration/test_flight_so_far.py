@@ -17,7 +17,7 @@ from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settin
 from uavrt.integration.energy_grid import slot_energies
 from uavrt.integration.growing import BLOCK_S, GrowingEnergies
 from uavrt.localization.antenna import PATTERNS
-from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Poses, Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.recording.channel_recorder import ChannelRecorder
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.supervisor.tree.shapes import rows_for
@@ -114,7 +114,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
         recorder.close()
         end_ns = START_NS + end_s * 1_000_000_000
         new = [p for p in weak.flight.poses if from_s * 10**9 <= p.time_ns - START_NS]
-        log.write_poses(Poses(poses=tuple(p for p in new if p.time_ns < end_ns)))
+        log.write(*(p for p in new if p.time_ns < end_ns))
         log.commit()
         for tag in (weak.tag, other):
             result = some(flight.judge(tag))

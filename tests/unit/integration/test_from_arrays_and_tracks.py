@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import uavrt
-from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
+from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
 
 from uavrt.analysis.integrated_samples import integrate
 from uavrt.config.tag_files import write_tags
@@ -70,16 +70,17 @@ def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) ->
     assert all(one.time_ns < half_ns for one in found.integrated_pulses)
 
 
-def test_a_window_wider_than_the_channel_is_told_as_what_was_searched(weak: Rotation) -> None:
+def test_a_window_wider_than_the_channel_is_told_as_what_was_searched() -> None:
     """5000 Hz were said to be searched, of a channel that holds 1875 on either side."""
+    short = rotation(3, 6.0, pulses=30)
     found = integrate(
-        weak.samples,
-        weak.flight.poses,
-        weak.tag,
+        short.samples,
+        short.flight.poses,
+        short.tag,
         "RA-23K",
         time_ns=START_NS,
         sample_rate_hz=RATE_HZ,
-        center_frequency_hz=weak.tag.frequency_hz + 200.0,
+        center_frequency_hz=short.tag.frequency_hz + 200.0,
         frequency_window_hz=5000.0,
     )
     assert any("reaches 1675 Hz from its frequency" in text for text in found.limitations)

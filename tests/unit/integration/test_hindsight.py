@@ -26,7 +26,7 @@ from uavrt.cli.integrated_words import sentence
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import FormatError, RecordingError
 from uavrt.integration.judging import OtherTrain
-from uavrt.messages import Poses, Pulse, PulsePose
+from uavrt.messages import Pulse, PulsePose
 from uavrt.recording.flight_reader import Flight, read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.formats.recognise import read_pulse_log
@@ -48,9 +48,9 @@ def flight(weak: Rotation, result: IntegratedTag, tmp_path: Path) -> Flight:
     """A flight on the disk that heard some of the train's pulses itself."""
     directory = tmp_path / "flight_log_2023-11-14_22-13-20"
     recorder = FlightRecorder.create(replace(weak.flight.info, directory=str(directory)), None)
-    recorder.write_poses(Poses(poses=weak.flight.poses))
+    recorder.write(*weak.flight.poses)
     times_ns = result.pulse_times_ns[20 : 20 + LIVE]
-    recorder.write_pulse_poses(
+    recorder.write_pulses(
         PulsePose(pulse=live_pulse(weak.tag.tag_id, int(time_ns) + 6_000_000), pose=None)
         for time_ns in times_ns
     )

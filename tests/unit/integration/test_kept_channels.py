@@ -134,7 +134,7 @@ def test_a_flight_without_tags_is_told_what_it_lacks(
     """It ended with 1 and said nothing, as if tags had been looked for in vain."""
     sql(flown, "DELETE FROM tags")
     assert uavrt("integrate", str(flown)) == 2
-    assert "there are no tags to look for" in " ".join(capsys.readouterr().err.split())
+    assert "there are no tags to search for" in " ".join(capsys.readouterr().err.split())
 
 
 def test_what_kept_channels_tell_themselves_is_refused(

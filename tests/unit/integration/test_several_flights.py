@@ -188,7 +188,7 @@ def test_flights_that_cannot_be_judged_together_are_named(
     first = on_disk(flown, tmp_path)[0]
     with pytest.raises(ConfigError, match="samples of one flight"):
         run(first, first, "--recording", "band.cf32")
-    with pytest.raises(ConfigError, match="--moves is of several flights"):
+    with pytest.raises(ConfigError, match="--moves needs several flights"):
         run(first, "--moves")
     with pytest.raises(UsageError, match="are the same flight"):
         run(first, first)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from depth import count, seeds, share
+from depth import seeds, share
 
 from uavrt.integration.cells import Cells, LikelyGround
 from uavrt.integration.heard_train import HeardTrain, slot_logs, train_pulses
@@ -97,30 +97,22 @@ def test_cells_in_parts_cover_the_same_ground_and_are_parted_where_they_differ()
     assert set(parts.bearing_deg[:9].round(2)) == {0.0, 1.67, 358.33}
 
 
-@pytest.mark.parametrize("enr_db", share([30.0, 12.0], 2))
+@pytest.mark.parametrize("enr_db", share([25.0, 12.0, 30.0], 3))
 def test_a_tag_between_lanes_is_where_it_is_said_to_be(enr_db: float) -> None:
-    """Regions of 90 % once held two of five at 25 dB, of places 25 m off."""
+    """Regions of 90 % once held two of five at 25 dB, of places 25 m off.
+
+    And it was 2.6 times the bound: what the many weak pulses have wrong in common led it.
+    """
     course = lawnmower(tag="inside", legs=4, side_m=1000.0)
     flown = [
-        placed(np.random.default_rng((9, seed)), course, enr_db, 0.0) for seed in seeds(2, 3)
+        placed(np.random.default_rng((9, seed)), course, enr_db, 0.0) for seed in seeds(2, 5)
     ]
     found = [one for one in flown if one is not None]
     assert len(found) == len(flown)
-    assert sum(one.held for one in found) >= len(found) - 1
+    assert sum(one.held for one in found) > 0.7 * len(found)
     assert max(one.off_m for one in found) < (60.0 if enr_db < 20.0 else 25.0)
-
-
-def test_a_loud_tag_between_lanes_is_as_near_as_its_pulses_tell() -> None:
-    """It was 2.6 times the bound: what the many weak pulses have wrong in common led it."""
-    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
-    flown = [
-        placed(np.random.default_rng((9, seed)), course, 25.0, 0.0)
-        for seed in range(2, 2 + count(2, 5))
-    ]
-    found = [one for one in flown if one is not None]
-    assert len(found) == len(flown)
-    assert np.median([one.off_m / one.bound_m for one in found]) < 1.3
-    assert all(one.held for one in found)
+    if enr_db > 20.0:
+        assert np.median([one.off_m / one.bound_m for one in found]) < 1.3
 
 
 def test_levels_of_loud_pulses_are_told_apart() -> None:
@@ -157,11 +149,11 @@ def test_a_loud_tag_tells_how_much_it_fades(fading_db: float, exponent: float) -
     course = lawnmower(tag="inside", legs=4, side_m=1000.0, exponent=exponent)
     flown = [
         placed(np.random.default_rng((13, seed)), course, 45.0, 0.0, fading_db=fading_db)
-        for seed in seeds(2, 6)
+        for seed in seeds(1, 6)
     ]
     found = [one for one in flown if one is not None]
     assert len(found) == len(flown)
-    assert sum(one.held for one in found) >= len(found) - 1
+    assert sum(one.held for one in found) > 0.7 * len(found)
     told_db = [one.fading_db for one in found]
     assert np.median(told_db) == pytest.approx(fading_db or 1.0, abs=0.5)
     assert np.median([one.off_m for one in found]) < 8.0

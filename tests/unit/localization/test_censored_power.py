@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.special import log_ndtr, ndtr
 
 from uavrt.localization.position import power_evidence
@@ -55,9 +56,7 @@ def test_likelihoods_are_summed_over_all_correlations_of_the_fading() -> None:
     square = (places[0][:, None] - east) ** 2 + (places[1][:, None] - north) ** 2
     x = -5.0 * np.log10((square + height_m**2) / 100.0**2)
     gain = 10.0 * np.log10(np.maximum(square / (square + height_m**2), 1e-3))
-    fading = rng.normal(0.0, 1.6, count)
-    for number in range(1, count):
-        fading[number] = 0.6 * fading[number - 1] + 0.8 * fading[number]
+    fading = 1.6 * lfilter([0.8], [1.0, -0.6], rng.normal(size=count))
     z = 30.0 + 2.5 * x[0] + gain[0] + fading
     track = PowerTrack(
         latitude_deg=np.zeros(count),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import seeds
 from numpy.typing import NDArray
 from some import some
 
@@ -97,10 +98,11 @@ def test_a_ridge_that_takes_twice_what_its_map_says_does_not_move_the_tag() -> N
 
 def test_positions_over_hills_are_nearer_and_their_circles_hold() -> None:
     rng = np.random.default_rng(11)
-    flights = [fly(rng, replace(CASES[1], map_error_m=1.0)) for _ in range(5)]
+    flights = [fly(rng, replace(CASES[1], map_error_m=1.0)) for _ in seeds(3, 5)]
     without, mapped = (np.median([one[which].miss_m for one in flights]) for which in (0, 1))
     assert mapped < without
-    assert sum(one[1].held for one in flights) >= 3  # of .95; fewer once in 800
+    # Of .95; fewer once in 140, or 800.
+    assert sum(one[1].held for one in flights) > 0.5 * len(flights)
     assert sum(one[1].held for one in flights) >= sum(one[0].held for one in flights)
 
 

@@ -37,7 +37,7 @@ async def test_tags_go_up_and_pulses_come_down_without_loss(
     async with world.flying() as autopilot, station as (ground, events):
         await ground.upload_tags([thesis_tag])
         await ground.start_detection(center_frequency_hz=148.7e6)
-        assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+        assert world.mission.upload.tags == {thesis_tag.tag_id: thesis_tag}
         await until(lambda: world.mission.state is SystemState.DETECTING)
         for index in range(30):
             world.find_pulse(index)
@@ -70,7 +70,7 @@ async def test_a_lossy_radio_is_overcome_by_repetition(world: World, thesis_tag:
             except LinkError:
                 continue  # four tries in a row were lost
         assert world.radio.lost > 0
-        assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+        assert world.mission.upload.tags == {thesis_tag.tag_id: thesis_tag}
 
 
 async def test_a_command_before_a_drone_is_found_is_refused_with_a_remedy(world: World) -> None:
@@ -78,7 +78,7 @@ async def test_a_command_before_a_drone_is_found_is_refused_with_a_remedy(world:
     task = asyncio.create_task(ground.run(world.ground_address))
     with pytest.raises(LinkError, match="autopilot forwards"):
         await ground.wait_for_drone(0.1)
-    with pytest.raises(LinkError, match="has not been heard"):
+    with pytest.raises(LinkError, match="no contact with the drone yet"):
         await ground.stop_detection()
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)

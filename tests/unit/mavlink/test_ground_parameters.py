@@ -28,12 +28,12 @@ async def test_parameters_are_listed_and_set_over_a_lossy_radio(
                 break
             except LinkError:
                 continue
-        assert listed == {**parameter_values(world.mission.settings), RUN.name: 0.0}
+        assert listed == {**parameter_values(world.mission.settings.now), RUN.name: 0.0}
         assert await ground.parameters.set("RADIO_GAIN", 15) == 15
         assert await ground.parameters.set("DET_FALSE_ALARM", 0.005) == pytest.approx(0.005)
         with pytest.raises(CommandRefused, match="stays 15"):
             await ground.parameters.set("RADIO_GAIN", 40)
-        assert world.mission.settings.radio.gain == 15
+        assert world.mission.settings.now.radio.gain == 15
         world.radio.loss = 0.0
         await until(
             lambda: any(
@@ -69,7 +69,7 @@ async def test_a_drone_with_a_key_takes_only_sealed_parameters(
 
             await until(heard_session)
             friend.send(sealed[0])
-            await until(lambda: world.mission.settings.radio.gain == 15)
+            await until(lambda: world.mission.settings.now.radio.gain == 15)
             friend.send(sealed[0])  # overheard and repeated
             await until(lambda: world.counter("seals_refused") == 1)
 

@@ -35,11 +35,11 @@ async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio
         await until(lambda: "receiver" in world.health)
         assert await insist(lambda: ground.ask("radio_status")) == "receiving"
         await insist(ground.stop_detection)
-        await until(lambda: not world.mission.ending)
+        await until(lambda: not world.mission.flights.ending)
         await insist(lambda: ground.command(ground.writing.capture(148.7e6, 9)))
         await insist(ground.stop_detection)
         await until(lambda: world.mission.state is SystemState.HAS_TAGS)
-        await until(lambda: not world.mission.ending)
+        await until(lambda: not world.mission.flights.ending)
         with pytest.raises(CommandRefused, match="again after 10 s to delete 1 flights"):
             await insist(lambda: ground.ask("clean_logs"))
         with pytest.raises(CommandRefused, match="flash drive not found"):
@@ -48,6 +48,6 @@ async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio
             # What was repeated on the radio reached the supervisor once.
             await until(lambda: world.counter("commands") == len(world.of(Command)))
     assert world.of(Command)[0].name == "start_tags"
-    assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+    assert world.mission.upload.tags == {thesis_tag.tag_id: thesis_tag}
     (capture, *_) = (c for c in world.of(Command) if c.name == "raw_capture")
     assert (capture.center_frequency_hz, capture.gain) == (148_700_000, 9)

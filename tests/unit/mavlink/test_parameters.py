@@ -18,7 +18,7 @@ from world import World
 
 
 def values_of(world: World) -> dict[str, float]:
-    return {**parameter_values(world.mission.settings), RUN.name: 0.0}
+    return {**parameter_values(world.mission.settings.now), RUN.name: 0.0}
 
 
 def ready(world: World) -> bool:

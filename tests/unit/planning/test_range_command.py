@@ -7,7 +7,6 @@ import made
 import pytest
 
 from uavrt.cli.range import range as range_command
-from uavrt.messages import Poses
 from uavrt.recording.flight_recorder import FlightRecorder
 
 START_NS = 1_700_000_000_000_000_000
@@ -31,7 +30,7 @@ def write_noise(directory: Path, *, times: float = 4.0) -> Path:
             )
         )
         if second % 5 == 2:
-            recorder.write_search_report(
+            recorder.write(
                 made.search_report(
                     2,
                     poses[-1].time_ns,
@@ -39,7 +38,7 @@ def write_noise(directory: Path, *, times: float = 4.0) -> Path:
                     noise_psd=times * 1e-12 if air else 1e-12,
                 )
             )
-    recorder.write_poses(Poses(poses=tuple(poses)))
+    recorder.write(*poses)
     recorder.commit()
     recorder.close()
     return directory

@@ -153,7 +153,7 @@ class Bay:
         )
         recorder = FlightRecorder.create(info)
         pulses = [make_pulse(n, self.clock.now_ns() - 10**9 * (100 - n)) for n in numbers]
-        recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=None) for pulse in pulses])
+        recorder.write_pulses([PulsePose(pulse=pulse, pose=None) for pulse in pulses])
         recorder.close()
         return directory
 

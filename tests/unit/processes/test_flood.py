@@ -22,7 +22,8 @@ from uavrt.processes.crowd import (
     Crowd,
 )
 from uavrt.tunnel.private import Receipt, payload_hash
-from uavrt.tunnel.reliable import MOST_STORES, ReliableSender
+from uavrt.tunnel.reliable import ReliableSender
+from uavrt.tunnel.stores import MOST_STORES
 
 pytestmark = pytest.mark.slow
 
@@ -190,7 +191,7 @@ def test_made_up_stores_take_no_place_from_who_acknowledges() -> None:
     sender.station_present(True, 0)
     now_ns = SECOND_NS
     sender.receipt(1, (), (255, 190), 0)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     outgoing = sender.take(now_ns, 1e6)
     assert outgoing is not None
     genuine = Receipt.decode(
@@ -202,9 +203,9 @@ def test_made_up_stores_take_no_place_from_who_acknowledges() -> None:
         sender.receipt(1, (), (255, 190), now_ns)
         sender.receipt(store, (), (254, 190), now_ns)
         sender.wait_ns(now_ns)
-    assert 1 in sender._stores
-    assert len(sender._stores) <= MOST_STORES
-    assert sender.stores_refused > 250
+    assert 1 in sender.stores
+    assert len(sender.stores) <= MOST_STORES
+    assert sender.stores.refused > 250
 
 
 def test_a_made_up_store_does_not_hold_up_who_acknowledges() -> None:
@@ -215,7 +216,7 @@ def test_a_made_up_store_does_not_hold_up_who_acknowledges() -> None:
     heard: set[bytes] = set()
     now_ns = 0
     for number in range(300):
-        sender.add((2, number), number)
+        sender.pulses.add((2, number), number)
         now_ns += SECOND_NS // 10
         sender.receipt(77, (), (254, 190), now_ns)
         hashes = []
@@ -224,6 +225,6 @@ def test_a_made_up_store_does_not_hold_up_who_acknowledges() -> None:
             hashes.append(payload_hash(outgoing.payload))
         sender.receipt(1, hashes, (255, 190), now_ns)
         assert len(heard) == number + 1, "at once"
-    assert 77 not in sender._stores
-    assert sender.stores_refused > 0
+    assert 77 not in sender.stores
+    assert sender.stores.refused > 0
     assert sender.repeats < 100

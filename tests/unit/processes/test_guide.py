@@ -201,7 +201,7 @@ def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str
     moved = hub.flown.place(100.0, 0.0)
     wish = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
     assert wish.ends
-    assert wish.said == "home was moved while the order was planned. Ask for the motion again"
+    assert wish.said == "home was moved while the order was planned. Request the motion again"
     hub.guide.take("vehicle", hub.report(home=moved))
     assert not hub.ask(action, **values).refused
 
@@ -257,7 +257,7 @@ def test_heights_of_the_ground_are_read_from_the_drones_own_files(tmp_path: Path
     hub.guide.take("vehicle", hub.report())
     over = hub.ask("goto", places=(hub.flown.place(350.0, 0.0),), height_m=40.0)
     assert over.refused
-    assert "the way needs 70 m above home" in over.summary
+    assert "the path or its return needs 70 m above home" in over.summary
     assert not hub.ask("goto", places=(hub.flown.place(-200.0, 0.0),), height_m=40.0).refused
     wrong = hub.report(altitude_amsl_m=520.0)
     hub.guide.take("vehicle", wrong)

@@ -41,7 +41,7 @@ async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_af
             await until(lambda: len(got(second)) == 1)
             await asyncio.sleep(1.5)
             posed = [r for topic, r in bay.records if topic == "pulse_pose"]
-            recorder.write_pulse_poses(posed)
+            recorder.write_pulses(posed)
             recorder.commit()
             bay.deliver("recorded", Recorded(pulses=tuple(one.pulse.key for one in posed)))
             await until(lambda: len(got(second)) == 2)

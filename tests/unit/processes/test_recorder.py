@@ -33,6 +33,7 @@ from uavrt.messages import (
 from uavrt.pose.mounting import Mounting
 from uavrt.processes.commit_times import PULSES_S
 from uavrt.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
+from uavrt.recording.flight_database import FlightDatabase
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.pulse_pose_log import read_pulse_pose_log
@@ -131,10 +132,11 @@ class Drone:
     def kill(self) -> None:
         """SIGKILL: what it holds in memory, and what is unread in its socket, is gone."""
         flight = self.recorder._flight
-        if flight is not None and flight._database is not None:
-            if flight._database.in_transaction:
-                flight._database.execute("ROLLBACK")
-            flight._database.close()
+        database = None if flight is None else flight.database._open
+        if database is not None:
+            if database.in_transaction:
+                database.execute("ROLLBACK")
+            database.close()
         self.recorder._lock.release()
         for sock in self._socks:
             sock.close()
@@ -181,19 +183,19 @@ def test_a_pulse_is_said_to_be_recorded_when_a_power_cut_cannot_take_it_and_with
     assert drone.heard("recorded") == [Recorded(pulses=(one.key,))]
     assert list(drone.stored()) == [one]
     flight = some(drone.recorder._flight)
-    assert some(flight._database).execute("PRAGMA synchronous").fetchone() == (2,)
+    assert flight.database.connected().execute("PRAGMA synchronous").fetchone() == (2,)
 
 
 def test_commits_for_pulses_are_3_s_apart_however_many_come(drone: Drone) -> None:
     drone.fly()
     flight = some(drone.recorder._flight)
-    before = flight.syncs
+    before = flight.database.syncs
     for step in range(300):
         one = pulse(step * 0.1)
         drone.send("pulse", one)
         drone.send("pulse_pose", posed(one))
         drone.turn(0.1)
-    assert 9 <= flight.syncs - before <= 11
+    assert 9 <= flight.database.syncs - before <= 11
     assert sum(len(told.pulses) for told in drone.heard("recorded")) >= 270
 
 
@@ -357,7 +359,7 @@ def test_a_flight_that_was_cut_off_and_is_over_gets_its_poses_too(drone: Drone) 
     cut_off = FlightRecorder.open(old)
     pulses = [pulse(1.0 + 0.001 * number) for number in range(1500)]
     cut_off.write_pulses(pulses)
-    cut_off.write_poses(poses(0.0, 4.0))
+    cut_off.write(*poses(0.0, 4.0).poses)
     cut_off.close()
     drone.last_flights = (old.directory,)
     drone.restart()
@@ -404,7 +406,7 @@ def test_a_failing_disk_is_not_said_to_have_anything(
 
     one = pulse(1.0)
     with monkeypatch.context() as failing:
-        failing.setattr(FlightRecorder, "_insert_all", full)
+        failing.setattr(FlightDatabase, "insert", full)
         drone.send("pulse", one)
         drone.send("pulse_pose", posed(one))
         if what == "delivered":
@@ -441,7 +443,7 @@ def test_an_ordinary_flight_writes_less_than_its_bar(drone: Drone) -> None:
         for _ in range(4):
             drone.turn(0.25)
     flight = some(drone.recorder._flight)
-    assert flight.syncs < 0.45 * seconds
+    assert flight.database.syncs < 0.45 * seconds
     drone.end()
     megabytes_an_hour = (written_bytes() - before) / 1e6 * 3600 / seconds
     assert 5.0 < megabytes_an_hour < 40.0

@@ -141,12 +141,12 @@ class MissionBehind:
         self.bay.deliver("command_reply", reply)
 
     def deliver_status(self) -> None:
-        detecting = self.mission.state is SystemState.DETECTING or self.mission.ending
+        detecting = self.mission.state is SystemState.DETECTING or self.mission.flights.ending
         status = made.system_status(
             self.bay.clock.now_ns(),
             state=SystemState.DETECTING if detecting else self.mission.state,
-            tags=(*self.mission.tags.values(),),
-            ending=self.mission.ending,
+            tags=(*self.mission.upload.tags.values(),),
+            ending=self.mission.flights.ending,
         )
         self.bay.deliver("system_status", status)
 
@@ -175,7 +175,7 @@ async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(ba
         assert behind.mission.state is SystemState.DETECTING
         station.set_run(0)
         await until(lambda: station.runs == [0, 1, 0])
-        assert behind.mission.ending  # the last pulses are being recorded
+        assert behind.mission.flights.ending  # the last pulses are being recorded
         behind.deliver_status()
         behind.mission.flight_ended()
         behind.deliver_status()
@@ -250,7 +250,7 @@ async def test_a_restarted_connection_continues_its_counts_and_reports_no_tag_as
         pulse_at(start_ns + 1_254_000_000),
         pulse_at(start_ns + 2_000_000_000, confirmed=False),
     ]
-    recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=None) for pulse in before])
+    recorder.write_pulses([PulsePose(pulse=pulse, pose=None) for pulse in before])
     recorder.close()
     bay.assignment = replace(bay.assignment, flight=flight)
     async with bay.running(), stock_station(bay) as station:

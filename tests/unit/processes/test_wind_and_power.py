@@ -85,7 +85,7 @@ def test_the_settings_reach_what_is_planned() -> None:
     assert (limits.return_height_m, limits.hover_w) == (25.0, 900.0)
     assert far(ready(hover_w=300.0)).startswith("fly to")
     refused = far(ready(hover_w=1200.0))
-    assert "the route, the way home and the reserve take" in refused
+    assert "the route, the return and the reserve take" in refused
 
 
 def test_an_order_is_judged_by_the_wind_that_is_told() -> None:

@@ -157,7 +157,7 @@ def test_pruned_search_finds_the_best_that_testing_every_anchor_finds(
     cells, limited = np.minimum(padded, 14.0), np.minimum(largest, 14.0)
     best = 0.0
     # By definition an anchor is a peak of the mean of a group at the threshold or more; from a
-    # weaker one other jitters could be reached (decision 0020).
+    # weaker one other jitters could be reached.
     anchor = (padded == largest) & (padded >= threshold / k)
     for column in range(300, 540):
         for place in range(k):

@@ -78,7 +78,7 @@ def test_no_frame_disturbs_the_drone_side(generation: Any) -> None:
     parameters = ParameterServer(lambda: values, kinds, lambda: True)
     sender: ReliableSender[int] = ReliableSender(lambda number: bytes([number]))
     sender.station_present(True, NOW_NS)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     sent: list[object] = []
     seen = {"payloads": 0, "private": 0, "commands": 0, "answers": 0, "wishes": 0}
 
@@ -141,7 +141,7 @@ def test_no_frame_disturbs_the_drone_side(generation: Any) -> None:
     assert seen["payloads"] >= seen["commands"] + seen["answers"]
     # Nobody who matters was made up, and the pulse still waits.
     assert component.discovery.autopilot is None
-    assert (len(sender), sender.in_flight) == (1, 0)
+    assert (len(sender.pulses), len(sender.underway)) == (1, 0)
 
 
 def test_no_sealed_message_is_ever_believed_by_chance() -> None:

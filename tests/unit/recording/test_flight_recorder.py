@@ -24,8 +24,9 @@ from uavrt.messages import (
     StatusText,
 )
 from uavrt.recording.detector_configs import read_detector_config
+from uavrt.recording.flight_database import CHECKPOINT_S
 from uavrt.recording.flight_reader import read_flight, read_health, read_search_reports
-from uavrt.recording.flight_recorder import CHECKPOINT_S, FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout, new_flight_directory
 from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
@@ -45,9 +46,9 @@ def test_what_is_recorded_is_read_back(
     recorder.write_pulses(one.pulse for one in posed)
     recorder.write_pulses([unposed.pulse])
     recorder.commit()
-    recorder.write_pulse_poses(posed)
-    recorder.write_poses(raw)
-    recorder.write_health(health)
+    recorder.write_pulses(posed)
+    recorder.write(*raw.poses)
+    recorder.write(health)
     recorder.write_status_text(StatusText(severity=4, text="radio absent"), START_NS + 5)
     recorder.write_command(
         Command(name="start_detection", request_id=7, center_frequency_hz=1.5e8, source="x"),
@@ -57,7 +58,7 @@ def test_what_is_recorded_is_read_back(
     searched = SearchReport(
         tag_id=2, time_ns=START_NS, frequency_hz=148.71e6, noise_psd=1e-12, best_score=0.4
     )
-    recorder.write_search_report(searched)
+    recorder.write(searched)
     recorder.write_note("wall clock set forward by 3 s", START_NS + 9)
     recorder.close()
 
@@ -72,14 +73,14 @@ def test_what_is_recorded_is_read_back(
     assert read_search_reports(info.directory) == (searched,)
     assert flight.status_texts == ((START_NS + 5, StatusText(severity=4, text="radio absent")),)
     assert flight.notes == ((START_NS + 9, "wall clock set forward by 3 s"),)
-    assert recorder.committed_pulses == 9
+    assert recorder.database.committed_pulses == 9
     rows = sql(info.directory, "SELECT name, detail, accepted, message FROM commands")
     assert rows == [("start_detection", '{"center_frequency_hz": 150000000.0}', 0, "no tags")]
 
 
 def test_the_thesis_files_lie_where_the_thesis_put_them(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses([numbered.pulse_pose(0, 2), numbered.pulse_pose(0, 4)])
+    recorder.write_pulses([numbered.pulse_pose(0, 2), numbered.pulse_pose(0, 4)])
     recorder.close()
     root = Path(info.directory)
     assert (root / "airspy_csdr_netcat_log").is_dir()
@@ -106,9 +107,9 @@ def test_a_repeated_pulse_is_recorded_once(info: FlightInfo) -> None:
     for _ in range(2):
         recorder = FlightRecorder.open(info)
         recorder.write_pulses([one.pulse])
-        recorder.write_pulse_poses([one, one])
+        recorder.write_pulses([one, one])
         recorder.close()
-    assert recorder.repeated_pulses == 3
+    assert recorder.database.repeated_pulses == 3
     assert read_flight(info.directory).pulse_poses == (one,)
     assert len(read_pulse_pose_log(Path(info.directory) / "pulse_pose_log.txt")) == 1
 
@@ -137,7 +138,7 @@ def test_an_odd_record_bars_no_other(info: FlightInfo) -> None:
     impossible = replace(numbered.pulse(2), start_time_ns=1 << 70)
     recorder.write_pulses([numbered.pulse(0), odd, impossible, numbered.pulse(3)])
     recorder.close()
-    assert recorder.refused_records == 1
+    assert recorder.database.refused_records == 1
     read = [one.pulse for one in read_flight(info.directory).pulse_poses]
     assert [pulse.start_time_ns for pulse in read] == [
         numbered.pulse(n).start_time_ns for n in (0, 1, 3)
@@ -164,7 +165,7 @@ def test_two_flights_of_one_second_have_two_directories(tmp_path: Path) -> None:
 
 def test_text_logs_cut_off_by_a_power_cut_are_completed(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses(numbered.pulse_pose(n) for n in range(5))
+    recorder.write_pulses(numbered.pulse_pose(n) for n in range(5))
     recorder.close()
     layout = FlightLayout(Path(info.directory))
     whole = layout.pulse_pose_log.read_text()

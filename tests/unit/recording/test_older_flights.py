@@ -58,7 +58,7 @@ def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
     newer = numbered.pulse_pose(7)
     doubt = {"also_possible_tag_ids": (4, 6), "ghost_of_tag_id": 8, "clipped": True}
     doubtful = replace(newer, pulse=replace(newer.pulse, **doubt))  # type: ignore[arg-type]
-    recorder.write_pulse_poses([doubtful])
+    recorder.write_pulses([doubtful])
     recorder.close()
     assert read_flight(info.directory).pulse_poses == (*recorded, doubtful)
     assert sql(info.directory, "PRAGMA user_version") == [(VERSION,)]
@@ -78,5 +78,5 @@ def test_doubt_about_a_pulse_is_read_back_before_it_has_a_pose(
     recorder = FlightRecorder.create(info)
     recorder.write_pulses(pulses)
     recorder.commit()
-    assert recorder.without_pose(10) == pulses
+    assert recorder.database.without_pose(10) == pulses
     recorder.close()

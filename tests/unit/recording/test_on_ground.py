@@ -22,7 +22,7 @@ def recorded(tmp_path: Path, counters: list[dict[str, float]]) -> tuple[tuple[in
     recorder = FlightRecorder.create(info, Settings())
     for number, one in enumerate(counters):
         at_ns = START_NS + number * SECOND
-        recorder.write_health(made.health("connection", at_ns, counters=one))
+        recorder.write(made.health("connection", at_ns, counters=one))
     recorder.close()
     return read_flight(info.directory).on_ground_ns
 

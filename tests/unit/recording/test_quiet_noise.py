@@ -7,7 +7,6 @@ import made
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt.messages import Poses
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.quiet_noise import read_quiet_noise_db, read_usual_noise_db
 
@@ -37,10 +36,10 @@ def flight(
         air = flies and second >= TAKE_OFF_S
         pose = made.pose(second * SECOND, 46.5, 8.0, altitude_relative_m=40.0 if air else 0.3)
         if posed:
-            recorder.write_poses(Poses(poses=(pose,)))
+            recorder.write(pose)
         for tag in TAGS if second >= first_s else ():
             level_db = quiet_db + (motors_db if air else 0.0) + 0.5 * (tag.tag_id - 4)
-            recorder.write_search_report(
+            recorder.write(
                 made.search_report(
                     tag.tag_id,
                     second * SECOND + 1,

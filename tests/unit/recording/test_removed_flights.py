@@ -37,14 +37,14 @@ def test_a_database_that_is_removed_under_the_recorder_is_written_again_and_whol
     durable: bool,
 ) -> None:
     recorder = FlightRecorder.open(info, durable=durable)
-    recorder.write_pulse_poses(numbered.pulse_pose(n) for n in range(50))
+    recorder.write_pulses(numbered.pulse_pose(n) for n in range(50))
     recorder.commit()
     assert not recorder.is_suspect()
     assert recorder.mended == ""
     hurt(Path(info.directory))
     assert recorder.is_suspect()
     for number in (50, 51):
-        recorder.write_pulse_poses([numbered.pulse_pose(number)])
+        recorder.write_pulses([numbered.pulse_pose(number)])
         recorder.commit()
         flight = read_flight(info.directory)
         assert flight.pulse_poses == tuple(numbered.pulse_pose(n) for n in range(number + 1))
@@ -61,12 +61,12 @@ def test_a_flight_whose_directory_cannot_be_made_again_waits_and_loses_nothing(
 ) -> None:
     info = numbered.info(tmp_path / "card" / "flight")
     recorder = FlightRecorder.open(info, durable=True)
-    recorder.write_pulse_poses([numbered.pulse_pose(0)])
+    recorder.write_pulses([numbered.pulse_pose(0)])
     recorder.commit()
     (tmp_path / "card").rename(tmp_path / "away")
     (tmp_path / "card").write_text("a file in its place")
     for number in (1, 2):
-        recorder.write_pulse_poses([numbered.pulse_pose(number)])
+        recorder.write_pulses([numbered.pulse_pose(number)])
         with pytest.raises(RecordingError, match="cannot"):
             recorder.commit()
     (tmp_path / "card").unlink()

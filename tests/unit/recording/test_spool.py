@@ -18,7 +18,7 @@ def test_recorded_pulses_are_undelivered_until_it_is_noted_for_that_store(
 ) -> None:
     recorder = FlightRecorder.create(info)
     items = [numbered.pulse_pose(number) for number in range(5)]
-    recorder.write_pulse_poses(items)
+    recorder.write_pulses(items)
     recorder.commit()
     assert undelivered(info.directory, 7, 10) == (items[::-1], False)
     assert undelivered(info.directory, 7, 2) == ([items[4], items[3]], True)
@@ -33,7 +33,7 @@ def test_recorded_pulses_are_undelivered_until_it_is_noted_for_that_store(
 def test_plain_ground_stations_are_owed_only_what_nobody_has(info: FlightInfo) -> None:
     recorder = FlightRecorder.create(info)
     items = [numbered.pulse_pose(number) for number in range(3)]
-    recorder.write_pulse_poses(items)
+    recorder.write_pulses(items)
     for store, item in zip((7, 0), items, strict=False):
         recorder.write_delivered(Delivered(time_ns=1, store=store, pulses=(item.pulse.key,)))
     recorder.close()

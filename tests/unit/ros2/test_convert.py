@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import made
 import pytest
@@ -112,7 +113,7 @@ def test_a_pulse_from_another_computer_keeps_what_the_message_carries() -> None:
         {"start_time": Time()},
     ],
 )
-def test_a_pulse_that_no_detector_finds_is_refused(fault: dict[str, object]) -> None:
+def test_a_pulse_that_no_detector_finds_is_refused(fault: dict[str, Any]) -> None:
     good = convert.pulse_to_ros(PULSE, "")
     values = {name: getattr(good, name) for name in RosPulse.__slots__} | fault
     with pytest.raises(FormatError, match="not a pulse"):

@@ -68,7 +68,7 @@ def test_a_bad_tag_by_air_is_refused_with_its_reason_in_the_acknowledgement(
     assert acknowledgement.result == FAILURE
     assert acknowledgement.message.startswith("tag 2: ")
     assert reason[:90] in acknowledgement.message
-    assert not mission.tags
+    assert not mission.upload.tags
 
 
 @pytest.mark.parametrize(("change", "reason"), BAD)
@@ -93,7 +93,7 @@ def test_no_more_tags_are_taken_than_the_computer_carries(tmp_path: Path) -> Non
         "3 tags are the most: see detection.maximum_tags",
     )
     assert say(mission, 9, "add_tag", tag=replace(TAG, tag_id=6)).accepted, "a repetition"
-    assert len(mission.tags) == 3
+    assert len(mission.upload.tags) == 3
 
 
 def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_start(
@@ -106,7 +106,7 @@ def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_star
     reply = say(mission, 4, "start_detection")
     assert not reply.accepted
     assert "k 40 is too many" in reply.message
-    assert mission.flight is None
+    assert mission.flights.flight is None
 
 
 @given(
@@ -158,7 +158,7 @@ def test_a_start_with_fewer_tags_than_were_sent_is_refused(tmp_path: Path) -> No
     refused = say(mission, 22, "start_detection", tag_count=3)
     assert not refused.accepted
     assert refused.message == "only 2 of 3 tags came: send them all again"
-    assert mission.flight is None
+    assert mission.flights.flight is None
     # As many or more: some may have come by another wire.
     assert say(mission, 23, "start_detection", tag_count=1).accepted
 

@@ -117,12 +117,12 @@ class Drone:
 def test_nobody_elses_command_counts_by_any_wire(tmp_path: Path, name: str, other: str) -> None:
     drone = Drone(tmp_path)
     drone.detect(FIRST)
-    before = drone.mission.settings
+    before = drone.mission.settings.now
     reply = drone.say(other, name, parameter="DET_FALSE_ALARM", value=0.5)
     assert not reply.accepted
     assert reply.message.startswith("mavlink 255/190 commands, you watch")
     assert drone.mission.state is SystemState.DETECTING
-    assert drone.mission.settings == before
+    assert drone.mission.settings.now == before
     assert drone.say(FIRST, "stop_detection").accepted
 
 
@@ -148,7 +148,7 @@ def test_tags_that_were_sent_are_not_a_strangers_to_clear(tmp_path: Path) -> Non
     drone.say(FIRST, "add_tag", tag=TAG)
     drone.say(FIRST, "end_tags")
     assert not drone.say(STRANGER, "start_tags").accepted
-    assert list(drone.mission.tags) == [2]
+    assert list(drone.mission.upload.tags) == [2]
 
 
 def test_who_commands_by_ros_2_is_the_first_like_anybody_else(tmp_path: Path) -> None:

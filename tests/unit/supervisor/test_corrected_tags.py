@@ -13,7 +13,8 @@ from uavrt.config.parameters import parameter_values
 from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.errors import TunerError
 from uavrt.messages import Command, CommandReply, FlightInfo
-from uavrt.supervisor.mission.orders import Mission, Tuner
+from uavrt.supervisor.mission.flights import Tuner
+from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.tuning import Tuning, TuningQuestion, ask_tuner
 
 TAG = made.tag(2, 148_710_000.0, 1.254, name="otter")
@@ -55,15 +56,15 @@ def test_a_corrected_frequency_is_searched_and_remembered_under_the_same_name(
     flown: tuple[Mission, Say, list[FlightInfo]],
 ) -> None:
     mission, say, corrected = flown
-    assert mission.flight is not None
-    directory = mission.flight.directory
+    assert mission.flights.flight is not None
+    directory = mission.flights.flight.directory
     better = replace(TAG, frequency_hz=148_710_640.0, name=None)
     reply = say("add_tag", tag=better)
     assert (reply.accepted, reply.message) == (True, "148.710640 MHz, was 148.710000")
     (flight,) = corrected
     assert flight.directory == directory
     assert flight.tags == (replace(better, name="otter"),)
-    assert mission.tags[2] == flight.tags[0]
+    assert mission.upload.tags[2] == flight.tags[0]
     assert mission.state is SystemState.DETECTING
     assert say("add_tag", tag=better).message == "as it was"
     assert len(corrected) == 1
@@ -85,7 +86,7 @@ def test_what_cannot_be_searched_in_this_flight_is_refused(
     reply = say("add_tag", tag=tag)
     assert not reply.accepted
     assert words in reply.message
-    assert mission.tags == {2: TAG}
+    assert mission.upload.tags == {2: TAG}
     assert corrected == []
 
 
@@ -107,26 +108,26 @@ def test_a_wide_search_of_a_corrected_tag_is_checked_like_that_of_a_start(
     refused = say("add_tag", tag=replace(TAG, frequency_hz=148_712_000.0))
     assert (refused.accepted, len(corrected)) == (False, 1)
     assert "does not fit" in refused.message
-    assert mission.tags[2].frequency_hz == 148_711_000.0
+    assert mission.upload.tags[2].frequency_hz == 148_711_000.0
 
 
 def test_settings_that_were_promised_from_the_next_start_wait_for_it(
     flown: tuple[Mission, Say, list[FlightInfo]], tmp_path: Path
 ) -> None:
     mission, say, corrected = flown
-    begun = parameter_values(mission.flight_settings)
+    begun = parameter_values(mission.settings.in_flight)
     changed = {"DET_K": 7.0, "DET_FALSE_ALARM": 0.125, "RADIO_PPM": 12.0}
     for name, value in changed.items():
         said = say("set_parameter", parameter=name, value=value).message
         assert ("from the next start" in said) is (name != "RADIO_PPM")
     in_flight = begun | {"RADIO_PPM": 12.0}
-    assert parameter_values(mission.flight_settings) == in_flight
+    assert parameter_values(mission.settings.in_flight) == in_flight
     say("add_tag", tag=replace(TAG, frequency_hz=148_710_640.0))
     assert corrected[0].tags[0].k == TAG.k
-    killed = mission.settings
+    killed = mission.settings.now
     again = made.mission(Settings(recording=killed.recording, radio=killed.radio), tmp_path)
     assert again.resume()
-    assert parameter_values(again.flight_settings) == in_flight
+    assert parameter_values(again.settings.in_flight) == in_flight
     again.flight_ended()
-    again.begin_flight(148.7e6)
-    assert parameter_values(again.flight_settings) == begun | changed
+    again.flights.begin(148.7e6)
+    assert parameter_values(again.settings.in_flight) == begun | changed

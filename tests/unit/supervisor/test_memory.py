@@ -53,15 +53,15 @@ START = ("start_tags", "add_tag", "end_tags", "start_detection")
 
 def test_a_flight_goes_on_with_its_tags_gain_clock_and_directory(tmp_path: Path) -> None:
     before = new_mission(tmp_path)
-    before.clock = Clock(before.clock.offset_ns - 12_345_678_901)
+    before.flights.clock = Clock(before.flights.clock.offset_ns - 12_345_678_901)
     upload(before, *START)
     after = new_mission(tmp_path)
     assert after.resume()
     assert after.state is SystemState.DETECTING
-    assert after.tags == before.tags
-    assert after.flight == before.flight
-    assert after.settings.radio.gain == 17
-    assert after.clock == before.clock
+    assert after.upload.tags == before.upload.tags
+    assert after.flights.flight == before.flights.flight
+    assert after.settings.now.radio.gain == 17
+    assert after.flights.clock == before.flights.clock
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_what_was_acknowledged_is_there_again(
     after = new_mission(tmp_path)
     after.resume()
     assert after.state is state
-    assert bool(after.tags) == (state in (SystemState.HAS_TAGS, SystemState.DETECTING))
+    assert bool(after.upload.tags) == (state in (SystemState.HAS_TAGS, SystemState.DETECTING))
 
 
 def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> 
     after = new_mission(tmp_path)
     assert not after.resume()
     assert after.state is SystemState.IDLE
-    assert not after.tags
+    assert not after.upload.tags
 
 
 def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
@@ -101,13 +101,13 @@ def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
     mission = new_mission(tmp_path)
     upload(mission, *START[:3])
     clock_of_test.wall_offset_s += 3600  # by GPS, after uavrt had started
-    first = mission.begin_flight(None)
+    first = mission.flights.begin(None)
     assert first.start_time_ns == clock_of_test.time_ns()
-    assert mission.clock.offset_ns == first.clock_offset_ns
+    assert mission.flights.clock.offset_ns == first.clock_offset_ns
     clock_of_test.wall_offset_s -= 3600
-    assert mission.clock.wall_correction_ns() == -3600 * 10**9
+    assert mission.flights.clock.wall_correction_ns() == -3600 * 10**9
     mission.flight_ended()
-    second = mission.begin_flight(None)
+    second = mission.flights.begin(None)
     assert second.start_time_ns == clock_of_test.time_ns()
 
 
@@ -119,17 +119,17 @@ def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missi
     flown = []
     for _ in range(5):
         clock_of_test.now_s += 2.0
-        flown.append(mission.begin_flight(148.7e6).directory)
+        flown.append(mission.flights.begin(148.7e6).directory)
         mission.flight_ended()
-    assert list(mission.last_flights) == flown[-3:]
+    assert list(mission.flights.last) == flown[-3:]
     after = new_mission(tmp_path)
     after.resume()
-    assert list(after.last_flights) == flown[-3:]
+    assert list(after.flights.last) == flown[-3:]
     reboot(tmp_path)
     clock_of_test.wall_offset_s += 7e5
     next_week = new_mission(tmp_path)
     next_week.resume()
-    assert not next_week.last_flights
+    assert not next_week.flights.last
 
 
 @given(st.lists(st.floats(-7200.0, 7200.0), max_size=30))
@@ -168,13 +168,13 @@ def rebooted(directory: Path, clock: VirtualClock, off_s: float) -> tuple[Flight
     """A flight cut off by the battery, and the mission of the next boot."""
     before = new_mission(directory)
     upload(before, *START)
-    assert before.flight is not None
-    database = Path(before.flight.directory) / "flight.sqlite"
+    assert before.flights.flight is not None
+    database = Path(before.flights.flight.directory) / "flight.sqlite"
     database.write_bytes(b"")
     os.utime(database, ns=(clock.time_ns(), clock.time_ns()))
     reboot(directory)
     clock.wall_offset_s += off_s
-    return before.flight, new_mission(directory)
+    return before.flights.flight, new_mission(directory)
 
 
 def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
@@ -182,11 +182,11 @@ def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
 ) -> None:
     flight, after = rebooted(tmp_path, clock_of_test, 40.0)
     assert after.resume()
-    assert after.flight is not None
-    assert after.flight.directory != flight.directory
-    assert after.flight.center_frequency_hz == flight.center_frequency_hz
-    assert after.clock.offset_ns == after.flight.clock_offset_ns
-    assert after.last_flights == deque([flight.directory])  # it may have more for the ground
+    assert after.flights.flight is not None
+    assert after.flights.flight.directory != flight.directory
+    assert after.flights.flight.center_frequency_hz == flight.center_frequency_hz
+    assert after.flights.clock.offset_ns == after.flights.flight.clock_offset_ns
+    assert after.flights.last == deque([flight.directory])  # it may have more for the ground
 
 
 def test_last_weeks_flight_does_not_start_the_radio(
@@ -195,16 +195,16 @@ def test_last_weeks_flight_does_not_start_the_radio(
     _, after = rebooted(tmp_path, clock_of_test, 7 * 86_400.0)
     assert not after.resume()
     assert after.state is SystemState.HAS_TAGS
-    assert after.tags == {2: TAG}
+    assert after.upload.tags == {2: TAG}
 
 
 def test_a_flight_whose_directory_is_gone_goes_on_in_a_new_one(tmp_path: Path) -> None:
     before = new_mission(tmp_path)
     upload(before, *START)
-    Path(some(before.flight).directory).rmdir()
+    Path(some(before.flights.flight).directory).rmdir()
     after = new_mission(tmp_path)
     assert after.resume()
-    assert Path(some(after.flight).directory).is_dir()
+    assert Path(some(after.flights.flight).directory).is_dir()
 
 
 @example(garbage=b'\x80"', keep=12)  # no UTF-8

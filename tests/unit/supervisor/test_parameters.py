@@ -12,7 +12,7 @@ from uavrt.commands import SystemState
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.messages import Command, CommandReply, FlightInfo
 from uavrt.supervisor.mission.kept_parameters import PARAMETERS_NAME
-from uavrt.supervisor.mission.orders import LAST_TAGS_NAME
+from uavrt.supervisor.mission.tag_upload import LAST_TAGS_NAME
 
 TAG = made.tag()
 
@@ -62,7 +62,7 @@ def test_k_that_is_set_in_flight_waits_for_the_next_start(tmp_path: Path) -> Non
     operator.mission.flight_ended()
     operator.say("start_detection")
     assert operator.flights[-1].tags[0].k == 5
-    assert operator.mission.tags[2].k == 3
+    assert operator.mission.upload.tags[2].k == 3
     assert [change.detection.k for change in operator.changes] == [5, 5]
 
 
@@ -70,9 +70,9 @@ def test_a_parameter_outlives_the_supervisor_until_the_file_says_otherwise(
     tmp_path: Path,
 ) -> None:
     assert Operator(tmp_path, RADIO).set("RADIO_GAIN", 12).accepted
-    assert Operator(tmp_path, RADIO).mission.settings.radio.gain == 12
+    assert Operator(tmp_path, RADIO).mission.settings.now.radio.gain == 12
     edited = RadioSettings(center_frequency_hz=148.7e6, gain=18)
-    assert Operator(tmp_path, edited).mission.settings.radio.gain == 18
+    assert Operator(tmp_path, edited).mission.settings.now.radio.gain == 18
 
 
 def test_a_parameter_set_back_to_the_file_is_forgotten(tmp_path: Path) -> None:
@@ -84,9 +84,9 @@ def test_a_parameter_set_back_to_the_file_is_forgotten(tmp_path: Path) -> None:
 
 def test_a_damaged_file_of_parameters_costs_only_them(tmp_path: Path) -> None:
     (tmp_path / PARAMETERS_NAME).write_text('{"RADIO_GAIN": 3')
-    assert Operator(tmp_path, RADIO).mission.settings.radio.gain is None
+    assert Operator(tmp_path, RADIO).mission.settings.now.radio.gain is None
     (tmp_path / PARAMETERS_NAME).write_text('{"RADIO_GAIN": {"value": 99, "instead_of": -1}}')
-    assert Operator(tmp_path, RADIO).mission.settings.radio.gain is None
+    assert Operator(tmp_path, RADIO).mission.settings.now.radio.gain is None
 
 
 def test_an_impossible_value_is_refused_and_changes_nothing(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_damaged_or_bad_last_tags_are_not_searched(tmp_path: Path, content: byte
     assert not reply.accepted
     assert "tag" in reply.message
     assert operator.mission.state is SystemState.IDLE
-    assert operator.mission.tags == {}
+    assert operator.mission.upload.tags == {}
     assert operator.flights == []
 
 
@@ -214,8 +214,8 @@ def test_the_parameter_is_for_who_commands_as_start_and_stop_are(tmp_path: Path)
 
 def test_with_a_key_the_parameter_needs_a_seal_by_ros_2_too(tmp_path: Path) -> None:
     operator = with_tags(Operator(tmp_path, RADIO))
-    operator.mission.settings = replace(
-        operator.mission.settings, mavlink=MavlinkSettings(key_file="key")
+    operator.mission.settings.now = replace(
+        operator.mission.settings.now, mavlink=MavlinkSettings(key_file="key")
     )
     reply = operator.say("set_parameter", parameter="DET_RUN", value=1.0, source="ros2")
     assert reply.message == "only sealed commands, and ROS 2 has no seal: this drone has a key"

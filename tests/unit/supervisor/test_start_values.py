@@ -61,8 +61,8 @@ def test_an_impossible_frequency_is_refused_on_every_road(
     reply = drone.ask(name, source, center_frequency_hz=hertz, gain=3)
     assert not reply.accepted
     assert reply.message.endswith("MHz: 20 to 1000 MHz")
-    assert drone.mission.flight is None
-    assert drone.mission.settings.radio.gain is None, "a refused start changes nothing"
+    assert drone.mission.flights.flight is None
+    assert drone.mission.settings.now.radio.gain is None, "a refused start changes nothing"
     assert drone.ask(name, source, center_frequency_hz=148.71e6).accepted
 
 
@@ -125,7 +125,7 @@ def test_an_incomplete_upload_does_not_replace_the_last_tags(tmp_path: Path) -> 
     drone.mission.forget()
     afterwards = Drone(tmp_path)
     assert afterwards.ask("set_parameter", parameter="DET_RUN", value=1.0).accepted
-    assert list(afterwards.mission.tags.values()) == TAGS
+    assert list(afterwards.mission.upload.tags.values()) == TAGS
 
 
 @pytest.mark.parametrize("source", SOURCES)

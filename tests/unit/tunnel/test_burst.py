@@ -127,7 +127,7 @@ def fly(
     outlet.sender.station_present(True, 0)
     random, now_ns, sent = Random(3), 0, {0: 0, BURST_TYPE: 0}
     waiting = list(pulses)
-    while (waiting or len(outlet.sender)) and now_ns < 600 * SECOND:
+    while (waiting or len(outlet.sender.pulses)) and now_ns < 600 * SECOND:
         now_ns += SECOND // 10
         if waiting and now_ns % SECOND == 0:
             outlet.add(PulsePose(pulse=waiting.pop(0), pose=None))
@@ -169,11 +169,13 @@ def test_a_burst_is_delivered_with_its_inside_and_not_before() -> None:
     assert sender.receipt(77, [payload_hash(first.payload)], GROUND, SECOND) == []
     second = some(sender.take(SECOND, 1200.0))
     assert (second.payload_type, second.place) == (BURST_TYPE, GROUND)
-    assert sender.keys(77) == {pulses[0].key}, "it is not fetched from the disk meanwhile"
+    assert sender.pulses.keys(77) == {pulses[0].key}, (
+        "it is not fetched from the disk meanwhile"
+    )
     station.take(second.payload_type, second.payload)
     number = payload_hash(second.payload)
     assert sender.receipt(77, [number], GROUND, 2 * SECOND) == [pulses[0].key]
-    assert len(sender) == 0
+    assert len(sender.pulses) == 0
 
 
 def test_a_ground_station_that_reads_no_insides_gets_every_pulse_and_little_else() -> None:
@@ -181,7 +183,7 @@ def test_a_ground_station_that_reads_no_insides_gets_every_pulse_and_little_else
     outlet, delivered, sent = fly(pulses, station, loss=0.0)
     assert len(station.pulses) == 60
     assert set(delivered) == {pulse.key for pulse in pulses}
-    assert len(outlet.sender) == 0
+    assert len(outlet.sender.pulses) == 0
     assert sent[BURST_TYPE] < 60 + 32 + 8
 
 

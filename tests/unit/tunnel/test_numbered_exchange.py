@@ -176,29 +176,32 @@ def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> 
 def test_progress_goes_to_who_asked_until_it_is_complete() -> None:
     one = drone()
     step = Operation(name="save_logs", state="running", step=1, step_count=4, message="one")
-    assert one.exchange.progress(step) is None  # before the supervisor's reply
+    assert one.exchange.operations.progress(step) is None  # before the supervisor's reply
     save = BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode()
     one.hear(save, (245, 190))
-    (again,) = one.exchange.progress_again()
-    assert again == one.exchange.progress(step)
+    (again,) = one.exchange.operations.again()
+    assert again == one.exchange.operations.progress(step)
     assert again.asker == (245, 190)
     read = decode(again.payload, "G2")
     assert read == OperationProgress(
         operation=12, request_id=9, state=0, step=1, step_count=4, message="one"
     )
     last = some(
-        one.exchange.progress(Operation(name="save_logs", state="failed", message="full"))
+        one.exchange.operations.progress(
+            Operation(name="save_logs", state="failed", message="full")
+        )
     )
     ended = decode(last.payload, "G2")
     assert isinstance(ended, OperationProgress)
     assert (ended.state, ended.message) == (2, "full")
-    assert one.exchange.progress_again() == []
+    assert one.exchange.operations.again() == []
 
 
 def test_version_4_has_no_progress_and_tells_its_number() -> None:
     one = drone(version=4)
     one.hear(BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode())
-    assert one.exchange.progress(Operation(name="save_logs", state="running")) is None
+    running = Operation(name="save_logs", state="running")
+    assert one.exchange.operations.progress(running) is None
     beat = some(one.exchange.heartbeat(SystemState.HAS_TAGS, None))
     read = decode(beat, "G2")
     assert isinstance(read, HeartbeatG2)

@@ -9,7 +9,9 @@ from some import some
 
 from uavrt.errors import TunnelError
 from uavrt.tunnel.private import Receipt, payload_hash
-from uavrt.tunnel.reliable import CAPACITY, PLAIN, ReliableSender
+from uavrt.tunnel.pulse_memory import CAPACITY
+from uavrt.tunnel.reliable import ReliableSender
+from uavrt.tunnel.stores import PLAIN
 
 SECOND = 1_000_000_000
 GROUND = (255, 190)
@@ -40,39 +42,39 @@ def acknowledge(sender: ReliableSender[int], store: int, now_ns: int, *numbers: 
 
 def test_nothing_goes_while_no_ground_station_is_there() -> None:
     sender = ReliableSender(payload_of)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     assert sender.wait_ns(0) is None
     assert taken(sender, 100 * SECOND) == []
 
 
 def test_a_ground_station_that_does_not_acknowledge_gets_each_pulse_once() -> None:
     sender = make_sender()
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     assert taken(sender, 2 * SECOND) == []  # it may still say that it acknowledges
     assert taken(sender, 4 * SECOND) == [1]
     assert taken(sender, 60 * SECOND) == []
-    assert sender.sent_plain() == [(2, 1)]
-    assert len(sender) == 0
+    assert sender.pulses.sent_plain() == [(2, 1)]
+    assert len(sender.pulses) == 0
 
 
 def test_what_is_not_acknowledged_is_sent_again_and_what_is_is_not() -> None:
     sender = make_sender()
     acknowledge(sender, 7, 0)
     for number in (1, 2):
-        sender.add((2, number), number)
+        sender.pulses.add((2, number), number)
     assert taken(sender, SECOND) == [1, 2]
     acknowledge(sender, 7, SECOND + SECOND // 5, 1)
     assert taken(sender, 3 * SECOND) == [2, 2]  # a twin, for nothing else waits
     acknowledge(sender, 7, 3 * SECOND, 2)
     assert taken(sender, 20 * SECOND) == []
-    assert len(sender) == 0
+    assert len(sender.pulses) == 0
 
 
 def test_three_later_acknowledgements_show_a_loss_before_the_time_out() -> None:
     sender = make_sender()
     acknowledge(sender, 7, 0)
     for number in range(1, 6):
-        sender.add((2, number), number)
+        sender.pulses.add((2, number), number)
     assert taken(sender, SECOND) == [1, 2, 3, 4, 5]
     later_ns = SECOND + SECOND // 10
     acknowledge(sender, 7, later_ns, 2, 3)
@@ -85,50 +87,50 @@ def test_two_ground_stations_each_get_every_pulse() -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
     sender.receipt(8, (), OTHER, 0)
-    sender.add((2, 0), 0)
+    sender.pulses.add((2, 0), 0)
     assert taken(sender, SECOND // 2) == [0]
     known = [payload_hash(payload_of(0))]
     assert sender.receipt(7, known, GROUND, SECOND // 2) == [(2, 0)]
     assert sender.receipt(8, known, OTHER, SECOND // 2) == [(2, 0)], "though it comes second"
-    assert sender.proven == {7, 8}
-    sender.add((2, 1), 1)
+    assert sender.stores.proven == {7, 8}
+    sender.pulses.add((2, 1), 1)
     first = some(sender.take(SECOND, 1200.0))
     assert first.place is None  # both
     acknowledge(sender, 7, SECOND, 1)
     again = some(sender.take(3 * SECOND, 1200.0))
     assert again.place == OTHER  # only who lacks it
     sender.receipt(8, [payload_hash(payload_of(1))], OTHER, 3 * SECOND)
-    assert len(sender) == 0
+    assert len(sender.pulses) == 0
 
 
 def test_a_store_that_falls_silent_is_asked_again_when_it_is_back() -> None:
     sender = make_sender()
     acknowledge(sender, 7, 0)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     assert taken(sender, SECOND) == [1]
     sender.station_present(False, 12 * SECOND)
     assert taken(sender, 12 * SECOND) == []
     sender.station_present(True, 300 * SECOND)
     acknowledge(sender, 7, 300 * SECOND)
     assert taken(sender, 300 * SECOND)[0] == 1
-    assert sender.wanted() == 7
+    assert sender.pulses.wanted() == 7
 
 
 def test_a_store_that_has_answered_nothing_is_tried_while_nothing_else_waits() -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     assert taken(sender, SECOND) == [1]
     acknowledge(sender, 7, SECOND, 1)
-    sender.reading(7)
-    sender.refill(7, [], more=False)
+    sender.stores.note_on_disk(7, on_disk=False)
+    sender.pulses.refill(7, [], more=False)
     sender.receipt(8, (), OTHER, SECOND)
-    assert sender.wanted() == 8
+    assert sender.pulses.wanted() == 8
     old = [((2, number), number) for number in range(100, 0, -1)]
-    sender.refill(8, old[: sender.room(8)], more=True)
-    assert sender.room(8) < 100
+    sender.pulses.refill(8, old[: sender.pulses.room(8)], more=True)
+    assert sender.pulses.room(8) < 100
     assert taken(sender, 9 * SECOND) == [37, 38, 39, 40]
-    sender.add((2, 500), 500)
+    sender.pulses.add((2, 500), 500)
     assert taken(sender, 9 * SECOND) == [500], "what is new at once"
     acknowledge(sender, 7, 9 * SECOND, 500)
     assert taken(sender, 10 * SECOND) == [37], "one a second"
@@ -143,11 +145,11 @@ def test_made_up_stores_cost_a_message_a_second() -> None:
     for number in range(200):
         now_ns = number * SECOND // 10
         sender.receipt(1000 + number, (), OTHER, now_ns)
-        store = sender.wanted()
+        store = sender.pulses.wanted()
         if store not in (None, 7):
-            old = [((3, n), n) for n in range(sender.room(store))]
-            sender.refill(store, old, more=True)
-        sender.add((2, 1000 + number), 1000 + number)
+            old = [((3, n), n) for n in range(sender.pulses.room(store))]
+            sender.pulses.refill(store, old, more=True)
+        sender.pulses.add((2, 1000 + number), 1000 + number)
         sent = taken(sender, now_ns)
         assert 1000 + number in sent
         repeated += len(sent) - 1
@@ -158,10 +160,10 @@ def test_made_up_stores_cost_a_message_a_second() -> None:
 def test_a_new_store_is_offered_what_is_on_disk() -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
-    assert sender.wanted() == 7
-    sender.reading(7)
-    sender.refill(7, [((2, n), n) for n in (3, 2, 1)], more=False)
-    assert sender.wanted() is None
+    assert sender.pulses.wanted() == 7
+    sender.stores.note_on_disk(7, on_disk=False)
+    sender.pulses.refill(7, [((2, n), n) for n in (3, 2, 1)], more=False)
+    assert sender.pulses.wanted() is None
     assert taken(sender, SECOND) == [1, 2, 3]
 
 
@@ -169,7 +171,7 @@ def test_a_backlog_goes_the_newest_first() -> None:
     sender = make_sender()
     acknowledge(sender, 7, 0)
     for number in range(1, 61):
-        sender.add((2, number), number)
+        sender.pulses.add((2, number), number)
     order = taken(sender, SECOND)
     assert order[:5] == [60, 59, 58, 57, 56]
     assert sorted(order) == list(range(1, 61))
@@ -191,7 +193,7 @@ def test_whatever_is_lost_every_pulse_arrives_once_acknowledged(data: st.DataObj
         now_ns += 20_000_000
         if added < count and random.random() < 0.3:
             added += 1
-            sender.add((2, added), added)
+            sender.pulses.add((2, added), added)
         outgoing = sender.take(now_ns, 1200.0)
         if outgoing is not None and random.random() >= loss:
             got.add(int.from_bytes(outgoing.payload, "little"))
@@ -200,33 +202,33 @@ def test_whatever_is_lost_every_pulse_arrives_once_acknowledged(data: st.DataObj
                 hashes.append(payload_hash(outgoing.payload))
                 sender.receipt(7, hashes, GROUND, now_ns)
         sender.receipt(7, (), GROUND, now_ns)
-        if added == count and not len(sender):
+        if added == count and not len(sender.pulses):
             break
     assert got == set(range(1, count + 1))
-    assert (len(sender), sender.in_flight, sender.waiting) == (0, 0, 0)
+    assert (len(sender.pulses), len(sender.underway), sender.pulses.waiting) == (0, 0, 0)
 
 
 def test_memory_is_bounded_and_the_oldest_go_back_to_the_disk() -> None:
     sender = make_sender()
     acknowledge(sender, 7, 0)
-    sender.reading(7)
-    sender.refill(7, (), more=False)
+    sender.stores.note_on_disk(7, on_disk=False)
+    sender.pulses.refill(7, (), more=False)
     for number in range(CAPACITY + 10):
-        sender.add((2, number), number)
-    assert len(sender) == CAPACITY
-    assert sender.put_back == 10
-    assert min(sender.keys(7)) == (2, 10)
+        sender.pulses.add((2, number), number)
+    assert len(sender.pulses) == CAPACITY
+    assert sender.pulses.put_back == 10
+    assert min(sender.pulses.keys(7)) == (2, 10)
     acknowledge(sender, 7, 1)
-    assert sender.wanted() is None  # no room yet
+    assert sender.pulses.wanted() is None  # no room yet
 
 
 def test_the_disk_is_asked_for_plain_ground_stations_too() -> None:
     sender = make_sender()
-    sender.disk_has_news()
-    assert sender.wanted() == PLAIN
-    sender.reading(PLAIN)
-    sender.refill(PLAIN, [((2, 1), 1)], more=False)
-    assert sender.wanted() is None
+    sender.stores.disk_has_news()
+    assert sender.pulses.wanted() == PLAIN
+    sender.stores.note_on_disk(PLAIN, on_disk=False)
+    sender.pulses.refill(PLAIN, [((2, 1), 1)], more=False)
+    assert sender.pulses.wanted() is None
     assert taken(sender, 4 * SECOND) == [1]
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from uavrt.messages import TunnelPayload
 from uavrt.tunnel.private import payload_hash
-from uavrt.tunnel.reliable import PLAIN, ItemKey, Place, ReliableSender
+from uavrt.tunnel.reliable import ReliableSender
+from uavrt.tunnel.stores import PLAIN, Place
+from uavrt.tunnel.underway import ItemKey
 
 SECOND = 1_000_000_000
 GROUND, OTHER = (255, 190), (245, 190)
@@ -43,16 +45,16 @@ def hashes(*payloads: bytes | None) -> list[int]:
 def test_a_station_that_comes_while_the_inside_of_a_burst_is_under_way_gets_the_burst() -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     taken(sender, SECOND)
     sender.receipt(7, hashes(payload_of(1)), GROUND, SECOND)  # its inside is due now
     sender.receipt(8, (), OTHER, SECOND)
     (inside,) = taken(sender, SECOND)
     assert inside.place == GROUND
     assert sender.receipt(7, hashes(inside.payload), GROUND, 2 * SECOND) == [(2, 1)]
-    sender.reading(7)
-    assert sender.wanted() == 8
-    assert (2, 1) not in sender.keys(8), "so it is read from the disk"
+    sender.stores.note_on_disk(7, on_disk=False)
+    assert sender.pulses.wanted() == 8
+    assert (2, 1) not in sender.pulses.keys(8), "so it is read from the disk"
 
 
 @pytest.mark.parametrize("already_forgotten", [False, True])
@@ -61,26 +63,26 @@ def test_who_overhears_what_is_inside_a_burst_has_not_got_the_burst(
 ) -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
-    sender.add((2, 1), 1)
+    sender.pulses.add((2, 1), 1)
     taken(sender, SECOND)
     sender.receipt(7, hashes(payload_of(1)), GROUND, SECOND)
     (inside,) = taken(sender, SECOND)
     if already_forgotten:
         sender.receipt(7, hashes(inside.payload), GROUND, SECOND)
     assert sender.receipt(8, hashes(inside.payload), GROUND, SECOND) == []
-    sender.reading(7)
-    assert sender.wanted() == 8
-    assert (2, 1) not in sender.keys(8)
+    sender.stores.note_on_disk(7, on_disk=False)
+    assert sender.pulses.wanted() == 8
+    assert (2, 1) not in sender.pulses.keys(8)
 
 
 def test_what_is_read_for_one_station_is_read_for_the_other_too() -> None:
     sender = make_sender()
     for store, place in ((7, GROUND), (8, OTHER)):
         sender.receipt(store, (), place, 0)
-    sender.reading(7)
-    sender.refill(7, [((2, 2), 2)], more=False)
-    assert sender.keys(7) == {(2, 2)}
-    assert sender.keys(8) == set()
+    sender.stores.note_on_disk(7, on_disk=False)
+    sender.pulses.refill(7, [((2, 2), 2)], more=False)
+    assert sender.pulses.keys(7) == {(2, 2)}
+    assert sender.pulses.keys(8) == set()
 
 
 def test_what_is_recorded_while_the_disk_is_read_is_asked_for_again() -> None:
@@ -88,11 +90,11 @@ def test_what_is_recorded_while_the_disk_is_read_is_asked_for_again() -> None:
     for store in (PLAIN, 7):
         if store == 7:
             sender.receipt(7, (), GROUND, 0)
-        sender.reading(store)
-        assert sender.wanted() is None
-        sender.disk_has_news()
-        sender.refill(store, (), more=False)
-        assert sender.wanted() == store
+        sender.stores.note_on_disk(store, on_disk=False)
+        assert sender.pulses.wanted() is None
+        sender.stores.disk_has_news()
+        sender.pulses.refill(store, (), more=False)
+        assert sender.pulses.wanted() == store
 
 
 class Disk:
@@ -111,16 +113,16 @@ class Disk:
                 self._answer()
                 self._answer = None
             return
-        store = self._sender.wanted()
+        store = self._sender.pulses.wanted()
         if store is None:
             return
-        without = self._sender.keys(store) | {k for s, k in self.delivered if s == store}
-        self._sender.reading(store)
+        without = self._sender.pulses.keys(store) | {k for s, k in self.delivered if s == store}
+        self._sender.stores.note_on_disk(store, on_disk=False)
         items = [((2, n), n) for n in self.recorded if (2, n) not in without]
 
         def answer() -> None:
             new = [(k, n) for k, n in items if (store, k) not in self.delivered]
-            self._sender.refill(store, new[:20], more=len(items) > 20)
+            self._sender.pulses.refill(store, new[:20], more=len(items) > 20)
 
         self._answer = answer
 
@@ -154,7 +156,7 @@ def test_every_station_gets_every_pulse_and_what_is_inside(seed: int) -> None:
         now_ns = tick * SECOND // 10
         if tick % 5 == 0 and len(disk.recorded) < 60:
             number = tick // 5
-            sender.add((2, number), number)
+            sender.pulses.add((2, number), number)
             disk.recorded.append(number)
         for number in [n for n, at_ns in comes_ns.items() if now_ns >= at_ns]:
             del comes_ns[number]
@@ -174,4 +176,4 @@ def test_every_station_gets_every_pulse_and_what_is_inside(seed: int) -> None:
     everything |= {p for n in disk.recorded if (p := inside_of(n)) is not None}
     for station in stations:
         assert station.got == everything
-    assert len(sender) == 0
+    assert len(sender.pulses) == 0

@@ -33,7 +33,7 @@ async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterw
     async with world.flying(), page.served():
         await flown(world, page)
         pressed = asyncio.create_task(press(page, CORRECT))
-        await until(lambda: world.mission.tags[2].frequency_hz == AWAY_HZ)
+        await until(lambda: world.mission.upload.tags[2].frequency_hz == AWAY_HZ)
         world.radio_cut()  # its answer is lost
         refused = await press(page, UNDO)
         assert (refused.status, listed_hz(page)) == (422, HERE_HZ), refused.body
@@ -47,7 +47,7 @@ async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterw
         state = await page.state()
         assert (state["beeps"], state["tags_sent"]) == ([], True)
         assert (await press(page, UNDO)).status == 200
-        assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (HERE_HZ, HERE_HZ)
+        assert listed_hz(page) == world.mission.upload.tags[2].frequency_hz == HERE_HZ
         await until(lambda: world.searched[2].frequency_hz == HERE_HZ)
         assert world.mission.state is SystemState.DETECTING
         texts = [one.text for one in world.of(StatusText)]
@@ -101,7 +101,7 @@ async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_cor
         for answer in (foreign, unanswered, unreachable):
             assert answer.status == 409
         assert listed_hz(page) == HERE_HZ
-        assert world.mission.tags[2].frequency_hz == HERE_HZ
+        assert world.mission.upload.tags[2].frequency_hz == HERE_HZ
 
 
 async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_too(
@@ -112,7 +112,7 @@ async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_to
     async with world.flying(), page.served():
         await flown(world, page, sent_by_page=False)
         assert (await press(page, CORRECT)).status == 200
-        assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (AWAY_HZ, AWAY_HZ)
+        assert listed_hz(page) == world.mission.upload.tags[2].frequency_hz == AWAY_HZ
 
 
 async def test_only_what_was_measured_before_a_correction_of_this_station_is_dropped(

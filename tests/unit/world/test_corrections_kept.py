@@ -38,7 +38,7 @@ async def test_what_is_edited_while_the_drone_answers_stays_and_is_undone_around
     async with world.flying(), page.served():
         await flown(world, page)
         pressed = asyncio.create_task(press(page, CORRECT))
-        await until(lambda: world.mission.tags[2].frequency_hz == AWAY_HZ)
+        await until(lambda: world.mission.upload.tags[2].frequency_hz == AWAY_HZ)
         world.radio_cut()
         await edit(page, name="otter")
         world.radio_back()
@@ -48,8 +48,10 @@ async def test_what_is_edited_while_the_drone_answers_stays_and_is_undone_around
         assert (await press(page, UNDO)).status == 200
         tag = listed(page)
         assert (tag.frequency_hz, tag.name, tag.k) == (HERE_HZ, "otter", 5)
-        assert world.mission.tags[2].k == 3, "an edit goes to the drone with the tags alone"
-        assert world.mission.tags[2].frequency_hz == HERE_HZ
+        assert world.mission.upload.tags[2].k == 3, (
+            "an edit goes to the drone with the tags alone"
+        )
+        assert world.mission.upload.tags[2].frequency_hz == HERE_HZ
 
 
 async def test_on_a_full_disk_the_page_says_what_the_drone_has_and_the_press_can_be_repeated(
@@ -77,7 +79,7 @@ async def test_on_a_full_disk_the_page_says_what_the_drone_has_and_the_press_can
         )
         assert (state["tags_sent"], len(state["beeps"])) == (False, 1)
         assert (await press(page, CORRECT)).status == 200
-        assert listed(page).frequency_hz == world.mission.tags[2].frequency_hz == AWAY_HZ
+        assert listed(page).frequency_hz == world.mission.upload.tags[2].frequency_hz == AWAY_HZ
         assert (await page.state())["tags_sent"] is True
 
 
@@ -119,7 +121,7 @@ async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minut
         assert (
             "In the list alone: send the tags when the drone is back" in answer.json["message"]
         )
-        assert (listed(page).frequency_hz, world.mission.tags[2].frequency_hz) == (
+        assert (listed(page).frequency_hz, world.mission.upload.tags[2].frequency_hz) == (
             AWAY_HZ,
             HERE_HZ,
         )

@@ -152,7 +152,7 @@ async def test_a_flight_whose_end_the_station_did_not_hear_is_not_gone_on_with(
         assert page.session.vehicle.store.current_flight is not None
         stop = Command(name="stop_detection", request_id=999, source="command line")
         assert world.computer.supervisor.command(stop).accepted
-        await until(lambda: not world.mission.ending)
+        await until(lambda: not world.mission.flights.ending)
         page = AskedPage(tmp_path / "ground", world.ground_address)
         async with page.served():
             await page.until(lambda state: state["drone"]["state"] == "has_tags")

@@ -1,4 +1,4 @@
-"""A search of ten minutes, from the operator's word to an animal's place."""
+"""A search of minutes, from the operator's word to an animal's place."""
 
 import asyncio
 import time
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from depth import count
 from searched import Animal
 
 from uavrt.geodesy import distance_m
@@ -14,9 +15,9 @@ from uavrt.guidance.authority import Standing
 from uavrt.messages import PulsePose, SearchNote
 from world import World, until
 
-SEARCH_S = 600.0
+SEARCH_S = 60.0 * count(5, 10)
 CPU_S = 60.0
-"""It takes 21 s on a machine that is shared with nine others."""
+"""Ten minutes take 21 s on a machine that is shared with nine others."""
 GUIDANCE = {"battery_wh": 120.0, "speed_m_s": 8.0, "keep_away_m": 0.0}
 
 
@@ -27,7 +28,7 @@ def heard_in(events: list[Any]) -> set[int]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)  # a machine that is shared with others
-async def test_a_search_of_ten_minutes_goes_on_through_every_fault(tmp_path: Path) -> None:
+async def test_a_search_of_minutes_goes_on_through_every_fault(tmp_path: Path) -> None:
     # Two whose pulses come at the same moments, and one that is too weak to be heard.
     animals = [
         Animal(90.0, 60.0, level_db=42.0),
@@ -42,10 +43,10 @@ async def test_a_search_of_ten_minutes_goes_on_through_every_fault(tmp_path: Pat
 
     script = [
         (20.0, bad_radio),
-        (100.0, world.radio_cut),
-        (103.0, world.radio_back),
-        (200.0, lambda: world.kill("recorder")),
-        (300.0, lambda: world.kill("detector-1")),
+        (60.0, world.radio_cut),
+        (63.0, world.radio_back),
+        (120.0, lambda: world.kill("recorder")),
+        (180.0, lambda: world.kill("detector-1")),
     ]
     cpu_s = time.process_time()
     async with world.flying(script), world.station() as (link, events):
@@ -62,7 +63,7 @@ async def test_a_search_of_ten_minutes_goes_on_through_every_fault(tmp_path: Pat
         assert world.vehicle_report.reason == "returning: the autopilot flies home"
         radio.loss = radio.late_s = radio.copied = 0.0
         found = {round(one.pulse.start_time_ns, -6) for one in world.of(PulsePose)}
-        assert len(found) > 300
+        assert len(found) > 0.5 * SEARCH_S
         await until(lambda: found <= heard_in(events), 60.0)
     assert time.process_time() - cpu_s < CPU_S
     for note in (one for one in world.of(SearchNote) if one.event == "found"):

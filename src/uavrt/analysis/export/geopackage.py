@@ -71,10 +71,7 @@ Feature = tuple[list[Point], dict[str, Any]]
 
 
 def write_geopackage(survey: Survey, path: Path) -> None:
-    """Write a survey as a new GeoPackage file.
-
-    Raises `sqlite3.Error`: it cannot be written.
-    """
+    """Write a survey as a new GeoPackage file; raises `sqlite3.Error`."""
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {VERSION}")

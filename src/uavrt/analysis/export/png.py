@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """Encode a picture.
-
-    `pixels` (rows, columns, 4): red, green, blue, opacity; the first row is the top.
-    """
+    """Encode pixels (rows, columns, 4): red, green, blue, opacity; the first row is the top."""
     rows, columns, _ = pixels.shape
     header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
     unfiltered = np.zeros((rows, 1 + 4 * columns), np.uint8)

@@ -216,10 +216,7 @@ def _movebank_row(
 
 
 def movebank_reference_csv(survey: Survey) -> str:
-    """Movebank's reference data: which animal wore which tag.
-
-    A flight knows no deployment dates, so the flight's time is used.
-    """
+    """Movebank's reference data: which animal wore which tag, dated by the flight."""
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
     rows: list[dict[str, Any]] = []

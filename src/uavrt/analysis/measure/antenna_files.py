@@ -41,11 +41,7 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read a pattern; its name is the file's.
-
-    Raises `FormatError`: the file cannot be read, a line is not an angle with a gain, or angles
-    are missing.
-    """
+    """Read a pattern, named as its file; raises `FormatError` if a line or angles are wrong."""
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()
@@ -98,10 +94,7 @@ def _on_grid(
 
 
 def write_antenna(pattern: AntennaPattern, path: Path, remark: str) -> None:
-    """Write a pattern as `read_antenna` reads it.
-
-    Raises `RecordingError`: the file cannot be written.
-    """
+    """Write a pattern as `read_antenna` reads it; raises `RecordingError`."""
     lines = [f"# {remark}", "angle_deg,gain_db" + (",across_db" if pattern.h_plane_db else "")]
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)
     columns = [grid, pattern.gain_db(grid)]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.analysis.flown_with import antenna_poses
-from uavrt.errors import FormatError, UsageError, needs_extra
+from uavrt.errors import FormatError, UsageError, needs_extra, os_errors_as
 from uavrt.messages import FlightInfo, PulsePose, StatusText
 from uavrt.recording.flight_reader import Flight, read_flight, read_search_reports, read_stops
 from uavrt.recording.integrated import read_integrated
@@ -34,7 +34,7 @@ from uavrt.ros2.convert import (
     tag_to_ros,
     time_to_ros,
 )
-from uavrt.ros2.gateway import LOG_LEVELS
+from uavrt.ros2.drone_state import LOG_LEVELS
 from uavrt.ros2.graph import LOG_DEPTH, LOG_MESSAGE, LOG_TOPIC, START_STOP, TOPICS
 from uavrt.ros2.interface import full_definition, full_name, type_hash
 from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, Header, Log, RosMessage
@@ -88,13 +88,12 @@ def export_bag(
         _logs(flight.status_texts),
         key=lambda entry: entry[0],
     )
-    try:
+    with os_errors_as(
+        UsageError,
+        f"cannot make {target}",
+        remedy="Name a directory that does not exist yet, in a place where you can write",
+    ):
         target.mkdir(parents=True)
-    except OSError as error:
-        raise UsageError(
-            f"cannot make {target}: {error.strerror}",
-            remedy="Name a directory that does not exist yet, in a place where you can write",
-        ) from error
     file = target / f"{target.name}_0.mcap"
     try:
         text, counts = write_mcap(file, entries)

@@ -71,10 +71,7 @@ def plan_channels(
 
 
 def _check_as_the_original(front_end: FrontEnd) -> None:
-    """Reject settings whose datagrams the original's listeners would misread.
-
-    Raises `ConfigError`: other than 100 channels of 3750 samples a second.
-    """
+    """Reject settings that the original's listeners would misread; raises `ConfigError`."""
     plan = front_end.plan
     count, rate_hz = plan.channel_count, plan.channel_rate_hz
     if count == ORIGINAL_CHANNELS and math.isclose(rate_hz, ORIGINAL_CHANNEL_RATE_HZ):
@@ -90,10 +87,7 @@ def _check_as_the_original(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """Get the ports of each channel in use.
-
-    Raises `ConfigError`: a second port is requested of the thesis's plan, which has none.
-    """
+    """Get each used channel's ports; raises `ConfigError` for a second in the thesis's plan."""
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(

@@ -130,10 +130,7 @@ def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
 
 
 class BurstPulses:
-    """Finds the starts of a coded tag's pulses in the samples of a channel.
-
-    `frequency_hz`: frequency of the short pulses already seen.
-    """
+    """Finds the starts of a coded tag's pulses at a frequency in a channel's samples."""
 
     def __init__(self, frequency_hz: float, rate_hz: float) -> None:
         self._frequency_hz = frequency_hz

@@ -98,7 +98,9 @@ def measure_tags(
     Raises `UavrtError`: the recording cannot be read.
     """
     if not window_hz > 0.0:
-        raise ConfigError(f"a window of {window_hz} Hz", remedy="Give --window in hertz")
+        raise ConfigError(
+            f"a window of {window_hz} Hz is not positive", remedy="Give --window in hertz"
+        )
     report = on_progress or (lambda _part: None)
     with closing(open_source()) as source:
         blocks = _blocks(source, lambda p: report(0.5 * p), on_fault)

@@ -67,10 +67,10 @@ class DetectionChain:
         on_band: Callable[[IQBlock, IQBlock], None] | None = None,
     ) -> None:
         if not tags:
-            raise ConfigError("there are no tags to look for", remedy="Name a tag file")
+            raise ConfigError("there are no tags to search for", remedy="Name a tag file")
         if not frequency_window_hz > 0.0:
             raise ConfigError(
-                f"a frequency window of {frequency_window_hz} Hz finds nothing",
+                f"the frequency window of {frequency_window_hz} Hz is not positive",
                 remedy="Give --frequency-window in hertz, e.g. 500",
             )
         self.clipping = Clipping()

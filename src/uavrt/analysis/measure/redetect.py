@@ -11,7 +11,7 @@ from pathlib import Path
 
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
-from uavrt.messages import FlightInfo, Poses, Pulse, PulsePose, Tag
+from uavrt.messages import FlightInfo, Pulse, PulsePose, Tag
 from uavrt.pose.attacher import PoseAttacher
 from uavrt.pose.ring import PoseRing
 from uavrt.radio.source import SampleSource
@@ -76,14 +76,11 @@ class FlightWriter:
         """Record pulses with their poses."""
         for pulse in pulses:
             self._attacher.add(pulse, pulse.end_time_ns)
-        self._recorder.write_pulse_poses(self._attacher.flush())
+        self._recorder.write_pulses(self._attacher.flush())
         self._recorder.commit()
 
     def close(self) -> None:
-        """Complete the directory.
-
-        Raises `RecordingError`: the disk is full.
-        """
+        """Complete the directory; raises `RecordingError` if the disk is full."""
         self._recorder.close()
 
     def discard(self) -> None:
@@ -96,7 +93,7 @@ class FlightWriter:
 
     def _copy(self, flight: Flight) -> None:
         for first in range(0, len(flight.poses), 1000):
-            self._recorder.write_poses(Poses(poses=flight.poses[first : first + 1000]))
+            self._recorder.write(*flight.poses[first : first + 1000])
             self._recorder.commit()
         for time_ns, text in flight.status_texts:
             self._recorder.write_status_text(text, time_ns)

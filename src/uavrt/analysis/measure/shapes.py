@@ -47,10 +47,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Closed area that holds the tag with 95 %, counter-clockwise; None when unknown.
-
-    The ellipse when there is one, else the circle.
-    """
+    """Closed area with 95 %, counter-clockwise: ellipse, else circle; None when unknown."""
     if position.ellipse95 is not None:
         ellipse = position.ellipse95
         long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m

@@ -34,10 +34,10 @@ from uavrt.messages import Pose, PulsePose
 from uavrt.radio.opening import open_recording
 from uavrt.radio.sigmf import sigmf_global
 from uavrt.tangent_plane import TangentPlane
+from uavrt.units import SPEED_OF_LIGHT_M_S
 
 SWITCH_KEY = "uavrt:antenna_switch"
 """Key in the global part of the recording's metadata (docs/reference/formats.md)."""
-SPEED_OF_LIGHT_M_S = 299_792_458.0
 _EDGE = 0.1
 """Share of a pulse's width left out at each end: its start is known to 1 ms of 20."""
 _ONE_PLACE_M = 15.0
@@ -72,10 +72,7 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Read the antenna array from a SigMF recording's metadata.
-
-    Raises `FormatError`: it is no SigMF recording, or the array is missing or invalid.
-    """
+    """Read a recording's antenna array; raises `FormatError` if it is missing or invalid."""
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(

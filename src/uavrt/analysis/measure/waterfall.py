@@ -28,10 +28,7 @@ _MOST_OFF: Final = 0.75
 
 
 class MaximumHold:
-    """Running maxima of a row of values, joined in pairs when the columns are full.
-
-    `columns`: number of stretches of time kept; even.
-    """
+    """Running maxima of a row of values, joined in pairs when all (even) `columns` are full."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self._values = np.zeros((columns, rows), dtype=np.float32)

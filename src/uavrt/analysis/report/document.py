@@ -30,10 +30,7 @@ _LINE = 0.0155
 
 
 def pdf_document(survey: Survey) -> bytes:
-    """Write all pages; needs matplotlib.
-
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
-    """
+    """Write all pages; raises `UsageError` without matplotlib."""
     with styled():
         from matplotlib.backends.backend_pdf import PdfPages
 

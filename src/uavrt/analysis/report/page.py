@@ -40,10 +40,7 @@ th { font-weight: 600; color: var(--soft); }
 
 
 def html_page(survey: Survey) -> str:
-    """Write the whole page; needs matplotlib.
-
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
-    """
+    """Write the whole page; raises `UsageError` without matplotlib."""
     with styled():
         body = [
             f"<h1>{escape(survey.name)}</h1>",

@@ -50,10 +50,7 @@ def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
 
 
 def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """PNG of a coverage map as in the report: with path, degrees, scale and colours.
-
-    `way`: longitude and latitude of each corner of the flown path [deg].
-    """
+    """PNG of a coverage map as in the report, with the path `way` (longitude, latitude)."""
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)

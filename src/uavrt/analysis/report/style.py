@@ -44,10 +44,7 @@ _POINTS_PER_IN = 72.0
 
 
 def styled() -> Any:
-    """Context in which figures are drawn and saved.
-
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
-    """
+    """Context in which figures are drawn; raises `UsageError` without matplotlib."""
     with needs_extra("analysis", "a report"):
         import matplotlib as mpl
     settings: Any = _SETTINGS  # the stubs want each key as a literal

@@ -105,10 +105,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Count the pulses with a pose.
-
-    Raises `UsageError`: they are fewer than a quarter, as for a track of another time.
-    """
+    """Count the pulses with a pose; raises `UsageError` if they are fewer than a quarter."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -129,7 +126,6 @@ def estimate_offset(
     SNR along the track is matched with the antenna's pattern and the distance, with each tag's
     place free. A lone turn at a constant rate cannot separate offset from bearing; starts,
     stops and several turns can.
-
     Raises `UsageError`: the logs have too little in common (the track covers less than a
     quarter of the pulses, or fewer than 12), two offsets fit nearly as well, or the remaining
     uncertainty moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.

@@ -23,7 +23,7 @@ from uavrt.analysis.tracks.track import (
     position,
 )
 from uavrt.attitude import from_euler_deg
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, os_errors_as
 from uavrt.foreign import TRACK, read_file
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.on_ground import spans_on_ground
@@ -56,14 +56,9 @@ _Row = dict[str, float]
 
 
 def read_dataflash(path: Path) -> VehicleTrack:
-    """Read a DataFlash log.
-
-    Raises `FormatError`: it cannot be read, or holds no time, no attitude or no place.
-    """
-    try:
+    """Read a DataFlash log; raises `FormatError` without time, attitude or place."""
+    with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
-    except OSError as error:
-        raise FormatError(f"cannot read {path}: {error.strerror}") from error
     rows: dict[str, list[_Row]] = {name: [] for name in _WANTED}
     for name, row in _rows(content):
         rows[name].append(row)

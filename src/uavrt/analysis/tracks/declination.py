@@ -19,7 +19,6 @@ def declination_deg(
 
     It changes by 0.01° over a kilometre or a month: places are rounded to 0.01°, heights to a
     kilometre, times to a day.
-
     Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     Raises `FormatError`: no model holds at that date.
     """

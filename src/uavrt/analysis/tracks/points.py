@@ -39,10 +39,7 @@ _DAY_NS = 86_400_000_000_000
 
 
 def read_nmea(path: Path) -> VehicleTrack:
-    """Read NMEA sentences; damaged ones are skipped.
-
-    Raises `FormatError`: the file cannot be read, or no sentence in it gives date and place.
-    """
+    """Read NMEA sentences, skip damaged ones; raises `FormatError` without date and place."""
     day_ns: int | None = None
     time_ns: int | None = None
     places: dict[int, PositionSample] = {}
@@ -99,10 +96,7 @@ def _eastward(angle: str, direction: str) -> float:
 
 
 def read_gpx(path: Path) -> VehicleTrack:
-    """Read the tracks of a GPX file.
-
-    Raises `FormatError`: the file cannot be read, is no GPX, or its points have no times.
-    """
+    """Read a GPX file's tracks; raises `FormatError` if it is none, or without times."""
     text = "\n".join(read_lines(path))
     places: list[PositionSample] = []
     astray: list[tuple[int, OffEarthError]] = []

@@ -8,7 +8,7 @@ from uavrt.analysis.tracks.simulated import FIRST_COLUMN, read_simulated
 from uavrt.analysis.tracks.tlog import read_tlog
 from uavrt.analysis.tracks.track import VehicleTrack
 from uavrt.analysis.tracks.ulog import read_ulog
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, os_errors_as
 from uavrt.foreign import require_plain_file
 
 
@@ -18,14 +18,10 @@ def read_track(path: Path) -> VehicleTrack:
     Raises `FormatError`: it is none, or has no attitude or no place.
     Raises `UsageError`: a package that it needs is not installed.
     """
-    try:
+    with os_errors_as(FormatError, f"cannot read {path}", remedy="Check the name"):
         require_plain_file(path)
         with path.open("rb") as file:
             head = file.read(4096)
-    except OSError as error:
-        raise FormatError(
-            f"cannot read {path}: {error.strerror}", remedy="Check the name"
-        ) from error
     if not head.strip(b"\0\r\n\t "):
         raise FormatError(f"{path} is empty", remedy="Copy it from the autopilot again")
     if head.startswith(b"ULog"):

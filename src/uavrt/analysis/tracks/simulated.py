@@ -15,10 +15,7 @@ FIRST_COLUMN = b"time_ns,latitude_deg"
 
 
 def read_simulated(path: Path) -> VehicleTrack:
-    """Read poses from a CSV file.
-
-    Raises `FormatError`: the file cannot be read, or a line is invalid.
-    """
+    """Read poses from a CSV file; raises `FormatError`, also for an invalid line."""
     turns: list[AttitudeSample] = []
     places: list[PositionSample] = []
     names, *lines = read_lines(path)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.attitude import from_euler_deg
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, os_errors_as
 from uavrt.foreign import TRACK, read_file
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import MARKER_V1, MARKER_V2, SIGNED, Frame, FrameParser, crc16_mcrf4xx
@@ -89,14 +89,9 @@ class _Log:
 
 
 def read_tlog(path: Path) -> VehicleTrack:
-    """Read a telemetry log.
-
-    Raises `FormatError`: it cannot be read, or holds no frame.
-    """
-    try:
+    """Read a telemetry log; raises `FormatError` if it cannot be read, or holds no frame."""
+    with os_errors_as(FormatError, f"cannot read {path}"):
         content = read_file(path, TRACK)
-    except OSError as error:
-        raise FormatError(f"cannot read {path}: {error.strerror}") from error
     log, empty = _Log(), True
     for stamp_us, frame in stamped_frames(content):
         log.take(frame, stamp_us)

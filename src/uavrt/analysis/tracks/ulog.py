@@ -37,11 +37,7 @@ _SANE_UNIX_US = 1_400_000_000_000_000
 
 
 def read_ulog(path: Path) -> VehicleTrack:
-    """Read a ULog file.
-
-    Raises `FormatError`: it cannot be read, or has no GPS time.
-    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
-    """
+    """Read a ULog file; raises `FormatError` without GPS time, `UsageError` without pyulog."""
     with needs_extra("analysis", "a log of PX4"):
         from pyulog import ULog
     try:

@@ -1,10 +1,10 @@
-"""Intervals in a set of burst times: which of them are a tag, and how it beats.
+"""Find the intervals in a set of burst times: which bursts belong to a tag, and its interval.
 
-Every pair of bursts votes for its distance. A beat of interval T makes votes at T, 2 T, 3 T …;
-the first strong one is its interval. Chance makes as many votes at any distance, which says
-what strong means. A beat that runs on through the tag's other rate (1333 ms meets every second
-pulse of 2000 ms) is cut there. What a beat explains is taken away, and the rest may hold
-another: the second rate of the tag, or another tag.
+Every pair of bursts votes for its distance. A tag with interval T makes votes at T, 2 T, 3 T …;
+the first strong one is its interval. Random bursts give equal votes at any distance, which
+defines the threshold. A chain that runs on through the tag's other rate (1333 ms meets every
+second pulse of 2000 ms) is cut there. Explained bursts are removed, and the rest may hold
+another chain: the tag's second rate, or another tag.
 """
 
 from collections.abc import Iterable
@@ -25,31 +25,28 @@ from uavrt.detection.beeps.interval_fit import Beat, fit_beat
 
 SHORTEST_S: Final = 0.25
 LONGEST_S: Final = 6.0
-"""Intervals of the tags that are sold lie between 0.5 and 4 s."""
+"""Intervals of tags on the market, 0.5 to 4 s."""
 FEWEST: Final = 5
 """Pulses that make a beat."""
 FEWEST_AT_OTHER_RATE: Final = 6
-"""Pulses of another rate for which a beat is cut."""
+"""Pulses at another rate that cut a chain."""
 MOST_BENDS: Final = 6
 """Degree of the polynomial that follows the interval's change with temperature."""
 HIGHEST_CHANCE: Final = 1e-4
-"""Chance at which noise alone would make such a beat somewhere in the recording."""
+"""Highest expected number of such chains from noise in the recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundBeat:
-    """A beat and the bursts that make it."""
+    """An interval and the bursts that follow it."""
 
     beat: Beat
     members: NDArray[np.intp]
-    """(n,) places of its bursts among the times that were given."""
+    """(n,) indices of its bursts in the given times."""
 
 
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
-    """Find beats, the one with the most pulses first.
-
-    `times_s` (n,): bursts at one frequency, ascending.
-    """
+    """Find beats in ascending times (n,) at one frequency, that with most pulses first."""
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []
     while len(found) < most and left.size >= FEWEST:
@@ -85,7 +82,7 @@ def _best_beat(
 def _at_one_rate(
     times_s: NDArray[np.float64], beat: Beat, chain: NDArray[np.intp], span_s: float
 ) -> tuple[Beat, NDArray[np.intp]]:
-    """Keep the longest stretch of a chain that runs on through another rate of the tag."""
+    """Keep the longest stretch of a chain, if it runs on through another rate of the tag."""
     low, high = int(chain[0]), int(chain[-1]) + 1
     within_s = times_s[low:high]
     best, kept = -np.inf, (beat, chain)
@@ -110,9 +107,10 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Leave out a burst at an end that is reached over a hole with bursts in it.
+    """Remove a burst at an end behind a gap with other bursts in it.
 
-    When the first pulse after a switch is lost, the place that both rates share comes later.
+    If the first pulse after a switch of rate is lost, the next place shared by both rates comes
+    later.
     """
     low, high = 0, members.size
 
@@ -128,7 +126,7 @@ def _without_strays(
 
 
 def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
-    """Leave out candidates that are the interval itself, or each other."""
+    """Remove candidates that equal the interval or each other."""
     others: list[float] = []
     for one in candidates_s:
         new = all(abs(one - other) > 0.5 * TOLERANCE_S for other in others)
@@ -142,7 +140,7 @@ def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
 
 
 def _jitter_s(beat: Beat) -> float:
-    """Scatter of the pulses about a curve: an interval changes with the temperature."""
+    """Scatter of the pulses about a curve that follows the temperature."""
     degree = min(beat.numbers.size // 20, MOST_BENDS)
     if not degree:
         return beat.scatter_s
@@ -151,13 +149,13 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Pulses there less pulses missing: half the interval would explain as many pulses."""
+    """Number of pulses less missing ones: half the interval explains as many pulses."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
 
 def _candidates(times_s: NDArray[np.float64]) -> list[float]:
-    """Distances for which many pairs vote, most votes first."""
+    """Distances with votes from many pairs, most votes first."""
     step_s = 0.25 * TOLERANCE_S
     votes = np.zeros(int((LONGEST_S + 1.0) / step_s), dtype=np.float64)
     for shift in range(1, min(times_s.size, 200)):
@@ -186,11 +184,11 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 
 
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
-    """Expected number of such beats among bursts that fall at random.
+    """Expected number of such chains among random bursts.
 
-    After two pulses that set the interval, each further place is hit by one of the bursts with
-    probability p = density × tolerance; the first two can be chosen in `pairs` ways. Places
-    that were missed give more ways yet.
+    After two pulses that set the interval, each further place contains a burst with probability
+    p = density × tolerance; the first two can be chosen in `pairs` ways. Missed places add
+    further ways.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

@@ -7,25 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 TOLERANCE_S: Final = 0.022
-"""A pulse so far from its place belongs to the beat: jitter of ± 20 ms, and our own error."""
+"""Largest deviation of a pulse from its place: jitter of ± 20 ms, and our own error."""
 LONGEST_HOLE: Final = 6
-"""Missing pulses in a row that a chain passes over."""
+"""Most consecutive missing pulses in a chain."""
 HOLE: Final = 0.3
-"""What a missing pulse costs a chain, where a pulse is worth 1."""
+"""Cost of a missing pulse, relative to the value of a pulse."""
 HOLE_OR_SWITCH: Final = 0.5
-"""The same where the tag may have switched instead."""
+"""The same cost where the tag may have switched its rate."""
 SWITCH: Final = 2.0
-"""What a change of the interval costs. Every second pulse missing is another rate from five or
-six in a row on at an end of the recording, from eight or nine in its middle; fewer are lost."""
+"""Cost of a change of interval. A stretch with every second pulse missing counts as another
+rate from five or six on at an end of the recording, from eight or nine in its middle."""
 
 
 def tolerance_s(interval_s: float) -> float:
-    """How far from its place, counted from the pulse before, a pulse still belongs there."""
+    """Largest deviation of a pulse from its place, counted from the pulse before."""
     return TOLERANCE_S + 0.005 * interval_s
 
 
 def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.intp]:
-    """Bursts that follow each other at the interval; empty for less than three."""
+    """Bursts that follow each other at the interval; empty if fewer than three."""
     members, _ = _best_chain(times_s, (interval_s,), HOLE)
     return members if members.size >= 3 else members[:0]
 
@@ -33,15 +33,13 @@ def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 def chain_with_switches(
     times_s: NDArray[np.float64], first_s: float, second_s: float
 ) -> tuple[float, list[tuple[int, NDArray[np.intp]]]]:
-    """Follow a tag that beats at one of two intervals at a time.
+    """Follow a tag that switches between two intervals.
 
-    An interval that has a small ratio to another goes on through it: 1333 ms meets every
-    second pulse of 2000 ms. Followed with both, the chain switches where that explains more.
-
-    `times_s` (n,): bursts, ascending.
-    `first_s`, `second_s`: the intervals.
-    Returns (merit, stretches): pulses less what holes and switches cost; which interval, 0 or
-    1, and the bursts, in order of time. A burst at a switch is in both of its stretches.
+    An interval with a small ratio to another continues through it: 1333 ms meets every second
+    pulse of 2000 ms. Followed with both, the chain switches where that explains more. `times_s`
+    (n,): bursts, ascending. `first_s`, `second_s`: the intervals. Returns (merit, stretches):
+    pulses less the cost of holes and switches; the interval (0 or 1) and bursts of each
+    stretch, in order of time. A burst at a switch is in both stretches.
     """
     members, rates = _best_chain(times_s, (first_s, second_s), HOLE_OR_SWITCH)
     cuts = np.flatnonzero(np.diff(rates)) + 1
@@ -59,7 +57,7 @@ def chain_with_switches(
 def _best_chain(
     times_s: NDArray[np.float64], intervals_s: tuple[float, ...], hole: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Bursts of the best chain, and by which interval each but the first was reached."""
+    """Bursts of the best chain, and the interval before each but the first."""
     count, rates = times_s.size, len(intervals_s)
     score = np.ones((count, rates))
     before = np.full((count, rates), -1, dtype=np.intp)  # burst · rates + rate

@@ -1,4 +1,4 @@
-"""Recognize tags whose pulses come early, by varying amounts: samples are missing."""
+"""Recognise tags whose pulses come early by varying amounts, which means missing samples."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -10,24 +10,23 @@ from uavrt.messages import Beep, BeepKind, Tag
 from uavrt.units import ns_from_s
 
 _LEAST_DB: Final = 12.0
-"""Level of the pulses that are used: noise has few of these."""
+"""Least level of the pulses used; noise has few of these."""
 _FEWEST: Final = 10
 _SHARE: Final = 0.7
-"""Share of the steps between pulses that are a little shorter than the interval."""
+"""Share of steps that are a little shorter than the interval."""
 _MOST_MISSING: Final = 0.4
-"""Part of an interval that may be missing between two pulses."""
+"""Largest part of an interval that may be missing between two pulses."""
 _LEAST_SPREAD_S: Final = 0.02
-"""Scatter of the steps; what scatters less is a train of its own."""
+"""Least scatter of the steps; less belongs to a train of its own."""
 _LATE_S: Final = 0.025
 
 
 def gapped_tags(
     points: Points, tags: Sequence[Tag], frequency_window_hz: float, start_ns: int
 ) -> list[Beep]:
-    """Find tags with strong pulses at their frequency that keep no interval but come early.
+    """Find tags with strong pulses at their frequency that come early at irregular intervals.
 
-    `points`: at absolute frequencies, in order of time.
-    `tags`: those of which no train was found.
+    `points`: at absolute frequencies, in order of time. `tags`: those without a train.
     """
     found = []
     for tag in tags:

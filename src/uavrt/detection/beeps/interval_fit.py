@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _RECENT = 40
-"""Pulses from which the running interval is taken while numbering."""
+"""Number of recent pulses that give the running interval."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,14 +30,12 @@ class Beat:
 
 
 def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np.int64]:
-    """Count intervals from pulse to pulse; missing pulses are counted too.
+    """Number pulses in intervals, counting missing ones.
 
-    The interval in use follows the recent pulses, so an error of the first guess of up to a
-    fifth, a slow drift, and jitter do no harm as long as not many pulses in a row are missing.
-
-    `times_s` (n,): ascending.
-    Returns: (n,) zero for the first; two pulses have equal numbers when they are closer than
-    half an interval.
+    The running interval follows the recent pulses, which allows for an error of the first guess
+    of up to a fifth, slow drift, and jitter, if not many consecutive pulses are missing.
+    `times_s` (n,): ascending. Returns (n,), zero for the first; two pulses have equal numbers
+    if they are closer than half an interval.
     """
     numbers = np.zeros(times_s.size, dtype=np.int64)
     current = interval_s
@@ -55,10 +53,7 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 
 
 def fit_beat(times_s: NDArray[np.float64], interval_s: float) -> Beat:
-    """Fit the interval by least squares.
-
-    `times_s` (n,): times of pulses, ascending; at least two.
-    """
+    """Fit the interval of two or more ascending times (n,) of pulses by least squares."""
     numbers = number_pulses(times_s, interval_s)
     centred = numbers - numbers.mean()
     spread = float((centred**2).sum())

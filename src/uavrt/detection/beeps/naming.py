@@ -1,4 +1,4 @@
-"""Name the trains that were found by comparing them with the listed tags."""
+"""Name the detected trains by comparing them with the listed tags."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,13 +16,13 @@ _EDGE_HZ: Final = 30.0
 """Error of a train's frequency, and of a window's edge [Hz]."""
 _CODE_HZ: Final = 1000.0
 _RATIOS: Final = (2.0, 1 / 2, 1 / 3)
-"""Listed interval as a multiple of the measured one: twice where a dead animal's tag beeps
-twice as fast, a half or a third where each second pulse, or two of three, are missed."""
+"""Ratios of the listed to the measured interval: twice for a mortality signal at double rate, a
+half or a third if every second pulse, or two of three, are missed."""
 _POINT_S: Final = 0.001
 _LEAST_PULSES: Final = 8
-"""Pulses of a stretch that shows a rate of its own."""
+"""Least pulses of a stretch with a rate of its own."""
 _LEAST_PRESENT: Final = 0.7
-"""Share of a stretch's pulses that were received; less may be another rate's."""
+"""Least share of received pulses in a stretch; less may be another rate's."""
 _MOST_NAMES: Final = 3
 
 
@@ -36,9 +36,8 @@ def name_trains(
 ) -> list[Beep]:
     """Name trains, the strongest first.
 
-    `trains`: at absolute frequencies.
-    `center_hz`: the radio's frequency, at which a spectrum is mirrored where I and Q are
-    swapped.
+    `trains`: at absolute frequencies. `center_hz`: the radio's frequency, about which a
+    spectrum is mirrored if I and Q are swapped.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
     listed_ids = {
@@ -99,7 +98,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Leave out the names of tags that beep at their own place; name an image's original."""
+    """Remove the names of tags found at their own frequency; name an image's original."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
@@ -118,7 +117,7 @@ def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
 def _mirrored(
     one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
 ) -> Beep:
-    """Recognize a tag on the other side of the centre that is not found on its own."""
+    """Recognise a tag on the other side of the centre that is not found at its own."""
     if one.kind is not BeepKind.UNLISTED:
         return one
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
@@ -143,7 +142,7 @@ def _twice(interval_s: float, tag: Tag) -> str:
 
 
 def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
-    """Tags that beep, listed within some distance, the nearest first."""
+    """Beeping tags listed within some distance, the nearest first."""
 
     def away_hz(tag: Tag) -> float:
         return abs(train.frequency_hz - tag.frequency_hz)
@@ -153,13 +152,13 @@ def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
 
 
 def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (1.0,)) -> bool:
-    """Whether the interval, or one with one of these ratios to it, is one of a tag's."""
+    """True if the interval, or a multiple with one of these ratios, is one of a tag's."""
     allowed_s = 3.0 * min(train.interval_sigma_s, 0.01 * interval_s) + _POINT_S
     return any(keeps_interval(tag, ratio * interval_s, ratio * allowed_s) for ratio in ratios)
 
 
 def _rates(train: Train) -> Iterator[float]:
-    """Intervals of a train: that with the most pulses, and others that are certain."""
+    """Intervals of a train: the one with the most pulses, and others that are certain."""
     yield train.interval_s
     for one in train.beats:
         places = int(one.beat.numbers[-1]) + 1

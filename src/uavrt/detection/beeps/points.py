@@ -17,34 +17,34 @@ from uavrt.dsp.fourier import transform_columns
 from uavrt.dsp.sliding_medians import medians
 
 WINDOW_S: Final = 0.016
-"""Length of the Hann window [s]; it loses 3 to 5 dB of pulses of 2.5, 20 and 30 ms."""
+"""Length of the Hann window [s]; the loss is 3 to 5 dB for pulses of 2.5, 20 and 30 ms."""
 HOP_S: Final = 0.008
 BATCH_S: Final = 2.0
-"""Stretch over which a frequency's usual level is its median [s]."""
+"""Stretch whose median is a frequency's usual level [s]."""
 _MOST_CELLS_AT_ONCE: Final = 12_500_000
-"""48 MiB of levels: 2 s at 3 MS/s."""
+"""Size of 48 MiB of levels: 2 s at 3 MS/s."""
 FALSE_POINTS_PER_S: Final = 3.0
-"""Cells of white noise that pass as points in a second of a band of `_BAND_HZ` or less; in
-wider ones in proportion, as they are spread over more frequencies."""
+"""Noise cells accepted as points per second in a band of `_BAND_HZ` or less; in wider ones
+proportionally more, since they have more frequencies."""
 _BAND_HZ: Final = 100e3
 _SEGMENT: Final = 64
 """Neighbouring frequencies, 4 kHz, whose common rise is not a pulse."""
 _BESIDE: Final = (10, 17)
-"""Distance at which a pulse's spectrum has fallen off, that of 2.5 ms included [bins]."""
+"""Distance at which a pulse's spectrum has decayed, even of 2.5 ms [bins]."""
 _BESIDE_RATIO: Final = 10.0
-"""A pulse's peak over the mean level at that distance, as a power ratio."""
+"""Least ratio of a pulse's peak to the mean level at that distance."""
 _AROUND: Final = 13
-"""Frames before and after a point by which its length is judged; 104 ms."""
+"""Frames before and after a point that determine its length; 104 ms."""
 _LONGEST_S: Final = 0.1
-"""A signal that is up for longer is a transmission and not a pulse [s]."""
+"""Duration above which a signal is a transmission and not a pulse [s]."""
 _LEAST_FRAMES: Final = 16
 """Frames that are transformed together."""
 _MOST_CANDIDATES: Final = 200_000
-"""Cells of one batch that are examined, the strongest ones."""
+"""Most cells of one batch that are examined: the strongest ones."""
 _STRONG_DB: Final = 32.0
-"""From here on the spectrum of a pulse's edges may make points of its own [dB]."""
+"""Level from which the edges of a pulse may make points of their own [dB]."""
 _EDGE_S: Final = 0.03
-"""Time between a pulse's point and those of its edges, at most [s]."""
+"""Largest time between a pulse's point and those of its edges [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ class Points:
         )
 
     def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
-        """Give them other times, and frequencies relative to zero; sort them again."""
+        """Set other times and absolute frequencies; sort by time again."""
         order = np.argsort(times_s, kind="stable")
         moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
         return moved.take(order)
@@ -85,7 +85,7 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 class PointSearch:
     """Finds pulses in a stream of samples.
 
-    `most_cells`: cells of the spectrogram that are kept and searched at once.
+    `most_cells`: cells of the spectrogram that are stored and searched at once.
     """
 
     def __init__(
@@ -109,12 +109,12 @@ class PointSearch:
         self._low_hz = first * self._step_hz
         frames = min(BATCH_S / HOP_S, most_cells / self._bins)
         self._held = 2 * _AROUND
-        """Frames of the batch before with which a batch begins."""
+        """Frames of the previous batch at the start of a batch."""
         self._power = np.zeros((max(4 * _AROUND, round(frames)), self._bins), np.float32)
         self._filled = 0
         self._first_frame = 0
         self._from = 0
-        """First frame in the batch that was not examined yet."""
+        """First frame in the batch that is not examined yet."""
         cells_per_s = self._bins / HOP_S
         # The power of noise is exponential: P(x times its median) = 2^-x.
         false_per_s = FALSE_POINTS_PER_S * max(1.0, self._bins * self._step_hz / _BAND_HZ)
@@ -125,10 +125,10 @@ class PointSearch:
         self._tail = np.zeros(0, np.complex64)
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
-        """Cells that stood out and were not examined, since too many did at a time."""
+        """Strong cells not examined because there were too many at once."""
 
     def process(self, samples: NDArray[np.complex64]) -> None:
-        """Take the next samples, without those that are missing."""
+        """Process the next samples, without missing ones."""
         self._tail = np.concatenate((self._tail, samples))
         self._take_frames(_LEAST_FRAMES)
 
@@ -157,7 +157,7 @@ class PointSearch:
         return self.found()
 
     def found(self, since_s: float = 0.0) -> Points:
-        """Return the points found so far, and forget those before some time."""
+        """Return the points found so far, and drop those before `since_s`."""
         rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
         rows = rows[rows[:, 0] >= since_s]
         self._found = [rows]
@@ -233,7 +233,7 @@ class PointSearch:
         frames, bins = power.shape
 
         def around(rows: range, columns: range) -> NDArray[np.float32]:
-            """Levels about each cell, shape (cells, rows, columns); zero outside."""
+            """Levels around each cell, shape (cells, rows, columns); zero outside."""
             at = row[:, None, None] + np.array(rows)[:, None]
             bins_at = column[:, None, None] + np.array(columns)
             inside = (at >= 0) & (at < frames) & (bins_at >= 0) & (bins_at < bins)
@@ -280,10 +280,10 @@ class PointSearch:
 
 
 def _without_edges(points: Points) -> Points:
-    """Leave out points that are no more than the edges of a strong pulse.
+    """Remove points that are only the edges of a strong pulse.
 
-    Edges of a rectangular pulse have at most 1 / (pi df T)^2 of what its middle has in a window
-    of T; twice the amplitude is allowed, for noise.
+    Edges of a rectangular pulse have at most 1 / (pi df T)^2 of its power in a window of T;
+    twice the amplitude is allowed, for noise.
     """
     keep = np.ones(len(points), dtype=bool)
     for at in np.flatnonzero(points.levels_db >= _STRONG_DB):

@@ -19,28 +19,28 @@ from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
 _TAGS_BAND: Final = (60.0, 20.0, 90.0)
-"""The band of the tags: the first minute, then 20 s of every 90 [s]."""
+"""Turns in the tags' band: the first minute, then 20 s of every 90 [s]."""
 _TAGS_BAND_LIVE: Final = (60.0, 45.0, 90.0)
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
-"""The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
+"""Turns in the radio's band, if wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
 _CELLS_LIVE: Final = 4_000_000
 """Cells searched at once in flight: .7 s at 3 MS/s, in 15 MiB."""
 _RECENT_S: Final = 300.0
-"""Samples of a live stream, those of turns, in which trains are searched for."""
+"""Duration of a live stream that is searched for trains."""
 _MOST_POINTS: Final = 6000
-"""Points among which trains are searched for while a stream runs, the strongest ones."""
+"""Most points searched for trains while a stream runs: the strongest ones."""
 _NEWS_S: Final = 5.0
 _LEAST_LIVE: Final = 8
-"""Pulses of a train that is named while a stream runs."""
+"""Least pulses of a train that is named while a stream runs."""
 _CLEAN: Final = 0.45
-"""Half the part of a decimated band that is searched, as a share of its rate."""
+"""Half-width of a decimated band that is searched, as a share of its rate."""
 
 
 class _Band:
     """Searches a band in turns.
 
-    `turns`: listen for this many seconds at the start, and at the end of each period.
+    `turns`: seconds to receive at the start, and at the end of each period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -51,14 +51,14 @@ class _Band:
         self._times = BlockTimes(1.0)
         self._taken_s = 0.0
         self.received = 0
-        """Samples in turns."""
+        """Number of samples received in turns."""
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
-        """At absolute frequencies, as of the last search for trains."""
+        """Points at absolute frequencies, as of the last search for trains."""
 
     def due(self, block: IQBlock) -> bool:
-        """Count a block's time; get whether it lies in a turn."""
+        """Count a block's time; return whether it lies in a turn."""
         at_s = self._taken_s
         self._taken_s += len(block.samples) / block.sample_rate_hz
         turn_s = at_s % self._period_s
@@ -88,11 +88,11 @@ class _Band:
 
     @property
     def dropped(self) -> int:
-        """Cells that stood out and were not examined, since too many did at a time."""
+        """Strong cells not examined because there were too many at once."""
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
-        """Return the trains so far, at absolute frequencies; while it runs, recent ones."""
+        """Return the trains so far, at absolute frequencies; during a stream, recent ones."""
         if self._search is None or not self.received:
             return []
         since_s = max(0.0, self.received / self._rate_hz - _RECENT_S)
@@ -106,10 +106,10 @@ class _Band:
 
 
 class BeepSearch:
-    """Names everything that beeps.
+    """Names all senders of beeps.
 
-    `receiver`: centre and rate of the radio.
-    `live`: report while the stream runs, at a lower cost.
+    `receiver`: centre and rate of the radio. `live`: report while the stream runs, at a lower
+    cost.
     """
 
     def __init__(
@@ -130,18 +130,18 @@ class BeepSearch:
         self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
-        """Take the radio's next block, and the same at the rate of the tags' band."""
+        """Add the radio's next block, and the same at the rate of the tags' band."""
         self.take(*self.due(block, band))
 
     def due(self, block: IQBlock, band: IQBlock) -> tuple[IQBlock | None, IQBlock | None]:
-        """Choose which of both is searched now; their time is counted."""
+        """Choose which of both is searched now, and count their time."""
         decimated = band is not block
         near = band.samples.size > 0 and self._near.due(band)
         whole = decimated and self._whole.due(block)
         return block if whole else None, band if near else None
 
     def take(self, block: IQBlock | None, band: IQBlock | None) -> None:
-        """Search what is due."""
+        """Search the blocks that are due."""
         center_hz, rate_hz = self._receiver.center_frequency_hz, self._receiver.sample_rate_hz
         if band is not None:
             decimated = band.sample_rate_hz < 0.99 * rate_hz
@@ -150,12 +150,12 @@ class BeepSearch:
             self._whole.take(block, center_hz, 0.5)
 
     def finish(self) -> list[Beep]:
-        """Name the trains that were found, the strongest first; of a stream, the new ones."""
+        """Name the trains, the strongest first; for a stream, only new ones."""
         found = self._found(ended=True)
         return [one for one in found if keep_beep(self._known, one)]
 
     def news(self, now_ns: int) -> list[Beep]:
-        """Name the trains of a live stream that are new, or have twice the pulses by now."""
+        """Name the trains of a live stream that are new, or have doubled their pulses."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(_NEWS_S)
         received = (self._near.received, self._whole.received)
@@ -169,7 +169,7 @@ class BeepSearch:
 
     @property
     def dropped(self) -> int:
-        """Cells of the spectrum that were not examined, since too many stood out."""
+        """Cells of the spectrum not examined because there were too many strong ones."""
         return self._near.dropped + self._whole.dropped
 
     def _wanted(self, one: Beep) -> int:

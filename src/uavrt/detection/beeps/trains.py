@@ -18,24 +18,24 @@ from uavrt.detection.beeps.beats import FEWEST, FoundBeat, find_beats
 from uavrt.detection.beeps.points import Points
 
 GATHER_HZ: Final = 150.0
-"""Points this close in frequency may be one tag that warms up [Hz]."""
+"""Range of frequencies that may belong to one tag as it warms up [Hz]."""
 _STEP_HZ: Final = 25.0
 _MOST_BEATS: Final = 8
 _STRAYS: Final = 2
-"""Points of a beat within another beat's time that do not make two senders."""
+"""Points of a train within another's time that are tolerated in one sender."""
 _MOST_SCATTER_HZ: Final = 30.0
-"""Scatter of a train's frequencies about a line; chance makes 87 Hz."""
+"""Largest scatter of a train's frequencies about a line; chance gives 87 Hz."""
 _LEAST_EXPLAINED: Final = 0.5
-"""Share of the points at a frequency that are in trains; less is doubtful."""
+"""Least share of the points at a frequency that are in trains; otherwise doubtful."""
 _SAME_TIME_S: Final = 0.012
 _IMAGE_SHARE: Final = 0.8
-"""Share of a train's pulses that come together with a stronger train's: it is an image."""
+"""Share of an image's pulses that coincide with a stronger train's."""
 _IMAGE_DB: Final = 3.0
-"""How much weaker an image is, at a frequency at which receivers make images [dB]."""
+"""Level of an image below its original, at a frequency where receivers make images [dB]."""
 _ANYWHERE_DB: Final = 25.0
-"""How much weaker pulses at any other frequency are if they are an image [dB]."""
+"""Level of an image below its original at any other frequency [dB]."""
 _ALIKE_DB: Final = 10.0
-"""Difference in level of the tones of one device, such as a data sender [dB]."""
+"""Largest difference in level of the tones of one device, such as a data sender [dB]."""
 _ALIKE_S: Final = 0.001
 _FLANK_HZ: Final = 20_000.0
 """An image this close is not mentioned: the spectrum of the stronger pulses, or a product."""
@@ -59,14 +59,14 @@ class Train:
     frequency_hz: float
     level_db: float
     doubt: str | None = None
-    """Why this may be no sender."""
+    """Why this may not be a sender."""
     image_of_hz: float | None = None
-    """Frequency of the stronger train with which its pulses come together."""
+    """Frequency of the stronger train with which its pulses coincide."""
     together: int = 1
-    """Frequencies, its own included, at which equally strong pulses come at the same times."""
+    """Frequencies, including its own, with equally strong simultaneous pulses."""
 
     def moved(self, center_hz: float) -> "Train":
-        """Give the frequencies from another origin, as absolute ones."""
+        """Convert the frequencies to absolute ones."""
         image_hz = self.image_of_hz
         return replace(
             self,
@@ -82,7 +82,7 @@ class Train:
 
     @property
     def interval_sigma_s(self) -> float:
-        """One standard deviation of the interval, that of the points' times included."""
+        """Standard deviation of the interval, including that of the points' times."""
         beat = self._longest.beat
         return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
 
@@ -101,10 +101,9 @@ def find_trains(
 ) -> tuple[list[Train], list[float]]:
     """Find all trains among points.
 
-    `receiver`: the radio's centre, on the same scale as the frequencies of the points, and its
-    rate.
+    `receiver`: the radio's centre, on the scale of the points' frequencies, and its rate.
     Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
-    frequencies where pulses come in bursts, as a coded tag's do, the purest first.
+    frequencies with bursts of pulses, as from a coded tag, the purest first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")
@@ -139,13 +138,13 @@ def find_trains(
 
 
 def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Group pulse times to bursts of 2 to 8 pulses."""
+    """Group pulse times into bursts of 2 to 8 pulses."""
     bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > BURST_S) + 1)
     return [one for one in bursts if 2 <= len(one) <= MOST_IN_BURST]
 
 
 def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
-    """Share of the points that come in bursts; 0 unless bursts are as rare as a code's."""
+    """Share of the points in bursts; 0 unless bursts are as rare as a code's."""
     bursts = split_bursts(times_s)
     share = sum(one.size for one in bursts) / times_s.size
     rare = FEWEST_BURSTS <= len(bursts) <= _MOST_BURSTS_PER_S * span_s
@@ -153,7 +152,7 @@ def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
 
 
 def _centers(points: Points) -> list[float]:
-    """Frequencies about which most points lie, the ones with the strongest points first."""
+    """Frequencies around which most points lie, those with the strongest points first."""
     if len(points) < FEWEST:
         return []
     low_hz = float(points.frequencies_hz.min()) - 2.0 * GATHER_HZ
@@ -191,7 +190,7 @@ def _scatter_hz(points: Points) -> float:
 
 
 def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> list[Train]:
-    """Mark trains of a frequency where most of the points are in none."""
+    """Mark trains as doubtful if most points at their frequency belong to none."""
     weakest_db = min(train.level_db for train in trains)
     strong = here.levels_db >= weakest_db - 3.0
     explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
@@ -202,7 +201,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
 
 
 def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
-    """Mark what comes together with stronger pulses; drop it where those are close by."""
+    """Mark trains that coincide with stronger ones; drop them if those are close."""
     kept: list[Train] = []
     for train in trains:
         others = [one for one in kept if one.image_of_hz is None]
@@ -217,7 +216,7 @@ def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
 
 
 def _alike(train: Train, other: Train) -> bool:
-    """Whether pulses at two frequencies, as strong, always come together."""
+    """True if equally strong pulses at two frequencies always coincide."""
     return (
         abs(train.interval_s - other.interval_s) <= _ALIKE_S
         and abs(train.level_db - other.level_db) <= _ALIKE_DB
@@ -229,7 +228,7 @@ def _alike(train: Train, other: Train) -> bool:
 def _is_image(
     train: Train, other: Train, stronger: Sequence[Train], receiver: Receiver
 ) -> bool:
-    """Whether the receiver may have made a train of a stronger one."""
+    """True if the receiver may have produced a train from a stronger one."""
     below_db = other.level_db - train.level_db
     if below_db < _IMAGE_DB or not _coincide(train, other):
         return False
@@ -240,7 +239,7 @@ def _is_image(
 
 
 def _coincide(train: Train, other: Train) -> bool:
-    """Whether nearly every pulse of a train comes together with one of another."""
+    """True if nearly every pulse of a train coincides with one of another."""
     theirs_s, times_s = other.points.times_s, train.points.times_s
     place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
     gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
@@ -248,7 +247,7 @@ def _coincide(train: Train, other: Train) -> bool:
 
 
 def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
-    """Group beats by sender: one tag has one interval at a time, so those do not overlap."""
+    """Group trains by sender: a tag has one interval at a time, so they do not overlap."""
     groups: list[list[FoundBeat]] = []
     for beat in beats:
         times_s = here.times_s[beat.members]
@@ -262,7 +261,7 @@ def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundB
 
 
 def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> bool:
-    """Whether both beat at a time; a false point or two make a beat seem longer than it is."""
+    """True if two trains overlap in time; a false point or two may extend one."""
     inside = (
         int(((one >= other[0]) & (one <= other[-1])).sum())
         for one, other in ((first_s, second_s), (second_s, first_s))

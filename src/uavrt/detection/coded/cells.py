@@ -1,7 +1,7 @@
-"""Energies of pulses at every instant and frequency of a channel, over the noise.
+"""Pulse energy at every instant and frequency of a channel, relative to the noise.
 
-The matched filter of a rectangular pulse is a sum over its samples, at a row of frequencies;
-all codes share it. What is kept of the past has a byte a cell.
+The matched filter of a rectangular pulse is a sum over its samples, at several frequencies; all
+codes share it. Past cells are stored in one byte each.
 """
 
 import math
@@ -10,27 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 STEP = 0.25
-"""Of the cells kept as bytes, in noise energies."""
+"""Resolution of cells stored as bytes [noise energies]."""
 CLIP = 63
-"""Most of a kept cell: four of them fit into a byte."""
+"""Largest stored cell: the sum of four fits a byte."""
 NEUTRAL = round(1.0 / STEP)
-"""What noise alone has on average."""
+"""Mean of noise cells."""
 _ROW_SPACING = 0.3125
-"""Of the frequencies, in parts of the inverse of the pulse width: 125 Hz for 2.5 ms, which
-loses 0.3 dB half-way."""
+"""Spacing of the frequencies, in parts of the inverse of the pulse width: 125 Hz for 2.5 ms,
+which loses 0.3 dB half-way."""
 _COLUMNS_PER_PULSE = 9.0
 UNIT = 16.0
-"""Amplitude of the noise in kept samples; what is eight times as strong is cut off."""
+"""Amplitude of the noise in stored samples; they are clipped at eight times that."""
 _LEVELS = 25
-"""Stretches of samples whose medians make the noise: 10 s."""
+"""Stretches of samples whose medians give the noise: 10 s."""
 _LEAST_RISE = 0.85
-"""The noise of now counts at least with this part: a rise must not look like bursts."""
+"""Least weight of the present noise, so that a rise does not look like bursts."""
 
 
 class Cells:
-    """Makes and keeps the cells of one channel.
+    """Computes and stores the cells of one channel.
 
-    `kept_s`, `recent_s`: how long cells are kept as bytes, and as they are.
+    `kept_s`, `recent_s`: duration for which cells are kept as bytes, and at full precision.
     """
 
     def __init__(
@@ -44,51 +44,51 @@ class Cells:
         recent_s: float,
     ) -> None:
         self.length = max(2, round(pulse_width_s * sample_rate_hz))
-        """Samples of a pulse."""
+        """Samples in a pulse."""
         self.sample_rate_hz = sample_rate_hz
         self.hop = max(1, int(pulse_width_s * sample_rate_hz / _COLUMNS_PER_PULSE))
         """Samples from column to column."""
         self.column_s = self.hop / sample_rate_hz
         self.pulse = max(1, round(pulse_width_s / self.column_s))
-        """Columns of a pulse."""
+        """Columns in a pulse."""
         spacing_hz = _ROW_SPACING / pulse_width_s
         rows = max(1, math.ceil((high_hz - low_hz) / spacing_hz)) + 1
         self.offsets_hz = np.linspace(low_hz, high_hz, rows)
         self.rows_of_a_bin = min(rows - 1, math.ceil(1.0 / _ROW_SPACING))
-        """Rows to either side in which a pulse is heard: one over its width."""
+        """Rows on either side in which a pulse is visible: one over its width."""
         self._turns = -2j * np.pi * self.offsets_hz[:, None] / sample_rate_hz
         self._kept = math.ceil(kept_s / self.column_s)
         self._recent = math.ceil(recent_s / self.column_s)
         self.restart()
 
     def restart(self) -> None:
-        """Forget all cells; the columns count from zero."""
+        """Clear all cells; the columns count from zero."""
         rows = len(self.offsets_hz)
         self.base = 0
-        """Column of the first byte kept."""
+        """Column of the first stored byte."""
         self.end = 0
-        """Column after the last."""
+        """Column after the last one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
-        """Samples from that of `base` on, real and imaginary, in parts of the noise's."""
+        """Samples from that of `base` on, real and imaginary, relative to the noise's."""
         self.recent = np.zeros((rows, 0), np.float32)
         """Cells up to `end`, in noise energies."""
         self._medians: list[NDArray[np.float64]] = []
         self.noise = np.ones(rows)
-        """Energy of noise in a cell of each row."""
+        """Noise energy in a cell of each row."""
         self.shape = np.ones(rows)
-        """Of the noise of ten seconds: that of each row over the usual one."""
+        """Noise of each row over the usual one, from ten seconds."""
 
     @property
     def recent_from(self) -> int:
-        """Column of the first of the recent cells."""
+        """First column with full precision."""
         return self.end - self.recent.shape[1]
 
     def push(self, samples: NDArray[np.complex64]) -> int:
-        """Make the columns that some samples complete.
+        """Add samples and compute the complete columns.
 
-        `samples` (n,): from the first sample of column `end` on.
-        Returns: how many columns came.
+        `samples` (n,): from the first sample of column `end` on. Returns the number of new
+        columns.
         """
         count = (len(samples) - self.length) // self.hop + 1
         if count <= 0:
@@ -107,7 +107,7 @@ class Cells:
         return count
 
     def _level(self, energy: NDArray[np.float64]) -> None:
-        """Learn the noise; cells of lost samples are none."""
+        """Update the noise; cells of lost samples are left out."""
         heard = energy[:, energy.max(axis=0) > 0.0]
         if heard.shape[1] < 4 * self.pulse:
             return
@@ -141,6 +141,6 @@ class Cells:
         self.past[first : first + len(pairs)] = pairs
 
     def hide(self, column: int, columns: int) -> None:
-        """Take kept cells for noise, from a column on, in all rows."""
+        """Replace stored cells by noise, from a column on, in all rows."""
         first = max(0, column - self.base)
         self.kept[:, first : max(first, column + columns - self.base)] = NEUTRAL

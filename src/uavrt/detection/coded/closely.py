@@ -1,7 +1,7 @@
-"""A closer look at bursts that together nearly suffice: the samples again, not the cells.
+"""Refine bursts that together are nearly sufficient, on the samples instead of the cells.
 
-Cells lie 0.27 ms and 125 Hz apart, and a sum of ten bursts loses 0.4 dB between them. Finer
-cells would cost all codes; a look costs only what nearly suffices.
+Cells are 0.27 ms and 125 Hz apart, and a sum of ten bursts loses 0.4 dB between them. Finer
+cells would be needed for all codes; this is done only for the near-sufficient ones.
 """
 
 import math
@@ -15,26 +15,26 @@ from uavrt.detection.coded.cells import NEUTRAL, UNIT, Cells
 from uavrt.messages import Tag
 
 _TURNS_HZ = (-42.0, 0.0, 42.0)
-"""Distances from the row: a third of the rows' spacing."""
+"""Offsets from the row's frequency: a third of the rows' spacing."""
 _STRETCHES = (-0.25, 0.0, 0.25)
-"""Of the tolerance, added to the stretch of the seed."""
+"""Shares of the tolerance, added to the seed's stretch."""
 _SHIFTS = (-1.0, -0.5, 0.0, 0.5, 1.0)
 _DRIFTS = (-1.0, 0.0, 1.0)
 """Columns from the first to the last burst, added to the interval of the sum."""
 _NEAR = 3
-"""Columns by which a pulse may be moved: what is hidden must not come back so."""
+"""Largest shift of a pulse [columns]; it must not reach a hidden signal."""
 _HIDDEN = 0.25 * math.pi
-"""Energy of a pulse that is hidden: its amplitude is the mean of noise."""
+"""Energy of a hidden pulse, of the mean amplitude of noise."""
 _MARGIN = 6
 """Columns on each side of a pulse that are loaded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """What several bursts are, looked at closely.
+    """Refined result of several bursts.
 
-    `energies` (bursts, pulses): in noise energies; what is hidden has the usual of noise, what
-    lies beyond the cells 0.
+    `energies` (bursts, pulses): in noise energies; hidden pulses have the usual one of noise,
+    those beyond the cells 0.
     """
 
     begins: NDArray[np.float64]
@@ -45,10 +45,10 @@ class Look:
 def look(
     cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
 ) -> Look:
-    """Find where between the cells a sum is largest.
+    """Find the position between cells with the largest sum.
 
-    `part`: of the tolerance by which the gaps together are stretched.
-    `most`: that a pulse counts [noise energies].
+    `part`: share of the tolerance by which the gaps are stretched together. `most`: largest
+    energy that counts for a pulse [noise energies].
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(_STRETCHES)) / starts_s[-1]
@@ -77,9 +77,9 @@ def look(
 def _prefix(
     cells: Cells, row: int, firsts: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
-    """Sums over the samples from some columns on, turned to a row and its sides.
+    """Cumulative sums of samples from some columns on, at a row's frequency and both sides.
 
-    They have turns, bursts, pulses, and n + 1; the flags say which pulses have all samples.
+    Shape (turns, bursts, pulses, n + 1); the flags mark pulses with all samples.
     """
     count = 2 * _MARGIN * cells.hop + cells.length + 1
     first = (firsts - cells.base) * cells.hop
@@ -101,7 +101,7 @@ def _energies(
 ) -> NDArray[np.float64]:
     """Energies of pulses that begin between samples.
 
-    They have turns, moves, stretches, bursts, and pulses.
+    Shape (turns, moves, stretches, bursts, pulses).
     """
     begin = np.clip(at * cells.hop, 0.0, sums.shape[-1] - 2 - cells.length)
     low = np.floor(begin).astype(np.int64)
@@ -118,7 +118,7 @@ def _energies(
 
 
 def _hidden(cells: Cells, columns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether kept cells at or near a column were taken for noise, in all rows."""
+    """True if stored cells at or near a column were replaced by noise, in all rows."""
     near = columns[..., None] + np.array((-_NEAR, 0, _NEAR))
     at = np.clip(near - cells.base, 0, cells.kept.shape[1] - 1)
     hidden: NDArray[np.bool_] = (cells.kept[:, at] == NEUTRAL).all(axis=0).any(axis=-1)

@@ -1,8 +1,7 @@
 """The detector of coded tags: samples of a channel in, one record for each burst out.
 
-A pure stage, as `uavrt.detection.detector.PulseDetector` is, but for all codes of a channel
-together
-(docs/explanation/coded-tags.md).
+A pure stage like `uavrt.detection.detector.PulseDetector`, but for all codes of a channel
+together (docs/explanation/coded-tags.md).
 """
 
 import bisect
@@ -31,30 +30,29 @@ from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
 
 KEPT_S = 130.0
-"""Cells from which several bursts are summed."""
+"""Duration of the cells from which several bursts are summed."""
 _STEP_S = 0.4
-"""Samples gathered before the search goes on."""
+"""Duration of the samples gathered before the search continues."""
 _STRONG = 25.0
-"""Cells above this are none of a tag that only several bursts show [noise energies]."""
+"""Cells above this do not belong to a tag that only several bursts show [noise energies]."""
 _ECHOING, _ECHO_PULSES = 200.0, 5
-"""Cells above this leave an echo of the filters, for this number of pulse widths."""
+"""Cells above this energy leave an echo of the filters, for this number of pulse widths."""
 _TRACKED = 1e-6
 """Chance of noise in a cell where a burst of an identified tag is expected."""
 _EXPECTED = 6.0
-"""Log odds of an identified tag's burst where it is expected, over other times."""
+"""Log odds of an identified tag's burst at its expected time, over other times."""
 _SAME_S = 0.02
-"""Bursts of one tag that begin within this are one."""
+"""Largest difference between start times of the same burst."""
 _LEAST_ENERGY = 0.25
-"""Of a burst's pulses on average over the noise: what has less makes no record."""
+"""Least mean energy of a reported burst's pulses over the noise."""
 
 
 class CodedDetector:
     """Finds the bursts of coded tags in the samples of a channel.
 
-    `tags`: coded tags of this channel.
-    `center_frequency_hz`: frequency of the channel's centre, absolute.
-    `frequency_window_hz`: half-width of the search around the tags' nominal frequencies.
-    Raises `ConfigError`: a tag lies outside the channel, or a number makes no sense.
+    `tags`: coded tags of this channel. `center_frequency_hz`: absolute frequency of the
+    channel's centre. `frequency_window_hz`: half-width of the search around the tags' nominal
+    frequencies. Raises `ConfigError`: a tag lies outside the channel, or a value is invalid.
     """
 
     def __init__(
@@ -76,7 +74,7 @@ class CodedDetector:
         self._false_per_hour = false_per_hour
         self.counters = Counters()
         self.collisions = 0
-        """Bursts that could not be distinguished from others at the same time."""
+        """Bursts not distinguishable from simultaneous ones."""
         self._width_s = min(tag.pulse_width_s for tag in self.tags)
         self._cells = self._make_cells(window_hz)
         column_s = self._cells.column_s
@@ -153,10 +151,10 @@ class CodedDetector:
         )
         self._clean = 0
         self._searched = 0
-        """Columns at which a burst may begin that were searched for single bursts."""
+        """Start columns searched for single bursts."""
         self._claims: list[Burst] = []
         self._ahead: list[Burst] = []
-        """Accepted, but what comes may yet explain them."""
+        """Accepted bursts that later ones may still explain."""
         self._on_air = OnAir(self._cells)
         self._foreign = Foreign(self._cells, self._span, self._on_air.guard)
         self._folds = [
@@ -173,8 +171,8 @@ class CodedDetector:
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
         """Process a block of samples.
 
-        `time_ns`: time at the antenna of the first sample [ns, UTC].
-        Returns: a record for each burst found since the last call.
+        `time_ns`: time at the antenna of the first sample [ns, UTC]. Returns a record for each
+        burst found since the last call.
         """
         samples = np.ascontiguousarray(samples, np.complex64)
         if len(samples):
@@ -189,13 +187,13 @@ class CodedDetector:
         return self._drain()
 
     def flush(self) -> list[Pulse]:
-        """End the stream: search what is left."""
+        """End the stream: search the rest."""
         self._finish()
         self._start()
         return self._drain()
 
     def search_reports(self) -> list[SearchReport]:
-        """Take the reports of stretches searched since the last call."""
+        """Get the search reports since the last call."""
         reports, self._reports = self._reports, []
         return reports
 
@@ -292,7 +290,7 @@ class CodedDetector:
         return seed
 
     def _decide(self, sure: int, *, last: bool) -> None:
-        """Accept bursts that begin before a column; those after it may yet be explained."""
+        """Accept bursts that begin before a column; later ones may still be explained."""
         accepted, lost = decide(
             *(self._claims, self._on_air, self._least),
             before=sure,
@@ -331,7 +329,7 @@ class CodedDetector:
         return required_evidence(foreign_per_hour, self._false_per_hour)
 
     def _hide(self, first: int, upto: int) -> None:
-        """Take for noise, in sums of several bursts, what is a burst by itself or strong."""
+        """Replace single or strong bursts by noise in sums of several bursts."""
         cells = self._cells
         recent = cells.recent[:, first - cells.recent_from : upto - cells.recent_from]
         tall = recent.max(axis=0, initial=0.0)
@@ -386,10 +384,10 @@ class CodedDetector:
         )
 
     def _beside(self, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-        """How far the pulses lie from the columns in which their cells are the largest.
+        """Offset of the pulses from the columns with their largest cells.
 
-        A matched filter of a rectangular pulse falls off linearly to both sides: amplitudes
-        next to the top show how far it lies between.
+        The matched filter of a rectangular pulse decays linearly on both sides: the amplitudes
+        next to the maximum give the offset.
         """
         cells = self._cells
         at = columns - cells.recent_from
@@ -409,7 +407,7 @@ class CodedDetector:
         return energies
 
     def _frequency(self, row: int, columns: NDArray[np.intp]) -> tuple[float, float]:
-        """Frequency [Hz from the channel's centre] and what lies between rows of the energy."""
+        """Frequency [Hz from the channel's centre], and the energy lost between rows."""
         cells = self._cells
         rows = len(cells.offsets_hz)
         if rows < 3:
@@ -502,7 +500,7 @@ class CodedDetector:
         )
 
     def _report_search(self, now_ns: int) -> None:
-        """Say what was searched, for a tag once a second; of many codes more seldom."""
+        """Report what was searched: each tag once a second; many codes less frequently."""
         if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self.tags))):
             return
         self._reported_ns = now_ns

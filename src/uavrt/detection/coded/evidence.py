@@ -1,9 +1,9 @@
-"""How much the pulses at the places of a listed code speak for that code.
+"""Evidence that the pulses at a listed code's places are that code's.
 
-One likelihood ratio: the listed code, whose pulses are equally strong, over one that is not
-listed, of whose pulses some happen to lie at these places, or over noise. An unlisted code
-explains all places but one for the price of the coincidences; the place that it explains worst
-must then show a pulse by itself.
+One likelihood ratio: the listed code, whose pulses are equally strong, against an unlisted one
+with some pulses at these places by chance, or against noise. An unlisted code explains all
+places but one at the price of the coincidences; the place that it explains worst must then show
+a pulse by itself.
 """
 
 import math
@@ -13,41 +13,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 FADING = 0.12
-"""Standard deviation of the strength within a burst, of its amplitude, without the noise's."""
+"""Standard deviation of the amplitude within a burst, without the noise's."""
 _COINCIDENCE = 0.05
 """Chance that a pulse of another code's burst lies at a place: 3 ms of a gap of 57 ms."""
 _HIT = 1e-3
-"""Chance that a pulse of any sender lies at a place, at least."""
+"""Least chance that a pulse of any sender lies at a place."""
 _HIDES = 0.5
-"""Of a pulse's amplitude, the least of what hides it."""
+"""Least amplitude of a signal that hides a pulse, relative to the pulse."""
 _PLACE_S = 1e-3
-"""Time about a place within which a pulse lies at it [s]."""
+"""Largest deviation of a pulse from its place."""
 _LOOKS = 20.0
-"""Independent sums of several bursts that are tried, of which the best counts."""
+"""Number of independent sums of several bursts, of which the best is used."""
 _STRENGTHS = 5.0
-"""Log of the ratio of the largest to the smallest amplitude that a pulse may have."""
+"""Log of the ratio of the largest to the smallest possible amplitude of a pulse."""
 _ALIGNMENTS = 16.0
-"""Ways in which a pulse of a burst of four lies at one of four places."""
+"""Number of ways in which a pulse of a burst of four lies at one of four places."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Log likelihood ratios of the listed code."""
+    """Log-likelihood ratios of the listed code."""
 
     over_noise: NDArray[np.float64]
-    """Of the own pulses, shape (n,)."""
+    """Code's own pulses against noise, shape (n,)."""
     over_unlisted: NDArray[np.float64]
-    """To codes that are not listed, shape (n,)."""
+    """Against unlisted codes, shape (n,)."""
     alone: NDArray[np.float64]
-    """Of each place to noise or a pulse of another burst there, shape (n, places)."""
+    """Of each place against noise or a pulse of another burst there, shape (n, places)."""
     own: NDArray[np.bool_]
-    """Places whose energy is the code's pulse rather than a stronger signal's."""
+    """True for places with the code's pulse rather than a stronger signal."""
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
-    """Log likelihood ratio from which a burst is the listed code's.
+    """Log-likelihood ratio required of a listed code's burst.
 
-    `false_per_hour`: identities that they may make, of each code.
+    `false_per_hour`: allowed false identifications per code.
     """
     return math.log(_ALIGNMENTS * foreign_per_hour / false_per_hour)
 
@@ -59,11 +59,10 @@ def evidence(
     foreign_per_hour: float,
     bursts: int = 1,
 ) -> Evidence:
-    """Weigh the listed code against noise and against codes that are not listed.
+    """Compare the listed code with noise and with unlisted codes.
 
-    `energies` (n, places): sums over the bursts, in noise energies.
-    `usable` (n, places): places that say something: not hit by another burst.
-    `bursts`: summed at each place.
+    `energies` (n, places): sums over the bursts, in noise energies. `usable` (n, places):
+    places without another burst. `bursts`: number summed at each place.
     """
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
@@ -102,7 +101,7 @@ def evidence(
 
 
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
-    """Log likelihood ratio of bursts in step to one unlisted code's, which are in step, too.
+    """Log-likelihood ratio of bursts in step against one unlisted code's, also in step.
 
     `alone` (bursts, places): as in `Evidence`.
     """
@@ -113,10 +112,10 @@ def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> f
 def evidence_of_sums(
     energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
 ) -> NDArray[np.float64]:
-    """Log likelihood ratio of bursts, which only together are found, to unlisted codes.
+    """Log-likelihood ratio against unlisted codes of bursts that are found only together.
 
-    `energies` (n, bursts, places): in noise energies.
-    `in_step`: chance that an unlisted tag's interval is the listed one.
+    `energies` (n, bursts, places): in noise energies. `in_step`: chance that an unlisted tag's
+    interval is the listed one.
     """
     # One unlisted tag is in step by chance, or the pulses of several are.
     by_one, by_several = (

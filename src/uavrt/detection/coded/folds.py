@@ -1,7 +1,7 @@
-"""Sums of several bursts: what no single burst shows.
+"""Sum several bursts to find what no single burst shows.
 
-A seed, a sum of one burst that stands out a little, waits until the bursts after it have come;
-then the best of all sums of three, and of as many bursts as K says, that hold it is looked at.
+A seed is a single burst that stands out slightly. It waits until the following bursts have
+arrived; then the best sum of three, and of K bursts, that includes it is examined.
 """
 
 import math
@@ -18,29 +18,29 @@ from uavrt.detection.coded.sums import FIELDS, STRETCHES, CodeBook, find_seeds, 
 from uavrt.messages import Tag
 
 _CLIP = 10.0
-"""Most that a cell counts [noise energies]: thrice that of a tag that only this finds."""
+"""Largest cell that counts [noise energies]: three times that of a tag found only here."""
 _SEED_OF_MANY, _SEED_OF_THREE = 3.5, 4.3
-"""Cells of a seed on average: three of four sums of bursts at the limit hold one so large, and
-noise has few."""
+"""Mean cell of a seed; three of four sums of bursts at the limit contain one so large, noise
+has few."""
 _COLUMNS_PER_STEP = 2.0
-"""By which the last burst moves from one interval tried to the next."""
+"""Shift of the last burst from one tried interval to the next [columns]."""
 THREE = 3
 _NEARLY = 0.88
-"""Of the least sum, from which a closer look is worth its time."""
+"""Share of the least sum from which a sum is refined."""
 _CERTAIN = 20.0
 """Least lead of a sum over that of another code with the same pulses."""
 _BOX = 2048
-"""Columns within which seeds that become due wait together."""
+"""Range of columns within which due seeds are grouped."""
 _AWAY = 10
-"""Columns within which two codes' pulses are the same."""
+"""Largest distance between equal pulses of two codes [columns]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Several bursts of a code, together larger than noise.
+    """Several bursts of a code whose sum exceeds noise.
 
-    `score`: sum of amplitudes over its least.
-    `also_possible`: ids of tags that may have sent them as well.
+    `score`: sum of amplitudes over the required one. `also_possible`: ids of other tags that
+    may have sent them.
     """
 
     tag: Tag
@@ -51,14 +51,14 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log likelihood ratio to codes that are not listed, which are in step by chance."""
+    """Log-likelihood ratio against unlisted codes that are in step by chance."""
     also_possible: tuple[int, ...] = ()
 
 
 class Waiting:
-    """Seeds until the last burst that may be summed with them has come.
+    """Seeds that wait for the last burst of their sums.
 
-    They lie in boxes by when that is: only the boxes that are due are looked at.
+    They are grouped by due time: only due groups are visited.
     """
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class Waiting:
         self._calls = 0
 
     def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
-        """Have seeds wait until a column is reached, for each its own."""
+        """Add seeds, each with the column at which it is due."""
         self._calls += 1
         columns = np.floor(ends).astype(np.int32)
         call = np.full(len(seeds), self._calls, np.int32)
@@ -78,7 +78,7 @@ class Waiting:
             self._boxes.setdefault(box, []).append(entries[own])
 
     def due(self, before: float) -> NDArray[np.int32]:
-        """Take the seeds that wait for what lies before a column, in the order they came."""
+        """Remove and return the seeds due before a column, in the order of arrival."""
         taken = [np.zeros((0, 2 + FIELDS), np.int32)]
         for box in [one for one in self._boxes if one * _BOX < before]:
             entries = np.concatenate(self._boxes.pop(box))
@@ -92,9 +92,9 @@ class Waiting:
 
 
 class Folds:
-    """Seeds of the codes with as many pulses as each other, and what becomes of them.
+    """Seeds of the codes with equal numbers of pulses, and their results.
 
-    `kept_s`: how long cells are kept.
+    `kept_s`: duration for which cells are kept.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Folds:
         }
 
     def note(self, first: int, count: int) -> None:
-        """Look for seeds among bursts that begin at some columns."""
+        """Find seeds among bursts that begin at some columns."""
         pulses = self._book.pulses
         seeds = find_seeds(
             *(self._cells, self._book, first, count),
@@ -139,9 +139,9 @@ class Folds:
             waiting.add(own, ends)
 
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
-        """Sum about the seeds all of whose later bursts have come.
+        """Sum around the seeds whose later bursts have all arrived.
 
-        `whole`: columns before which a burst is complete.
+        `whole`: column before which bursts are complete.
         """
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
@@ -171,7 +171,7 @@ class Folds:
         return [one for one in found if one.score >= 1.0 and self._steady(one)]
 
     def _clip_of(self, bursts: int) -> int:
-        """Most that a cell counts: pulses that three bursts show are stronger."""
+        """Largest cell that counts; pulses visible in three bursts are stronger."""
         return self._clip_of_three if bursts == THREE else self._clip
 
     def _least(self, bursts: int) -> NDArray[np.float64]:
@@ -229,13 +229,13 @@ class Folds:
         )
 
     def _steady(self, one: Found) -> bool:
-        """Whether no single burst makes the sum: each counts 1.6 times the median at most."""
+        """True if no single burst makes the sum: each counts at most 1.6 times the median."""
         sums = np.sqrt(one.energies).sum(axis=1)
         limited = np.minimum(sums, 1.6 * np.median(sums))
         return bool(limited.sum() >= 0.965 * sums.sum() / max(one.score, 1.0))
 
     def _apart(self, hits: list[Found]) -> list[Found]:
-        """Of hits with the same pulses the best; it names those that are nearly as good."""
+        """Select the best of hits with common pulses, and name those nearly as good."""
         chosen: list[Found] = []
         for one in sorted(hits, key=lambda hit: -hit.score):
             shared = [
@@ -257,7 +257,7 @@ class Folds:
 
 
 def _common(one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
-    """Part of one's pulses that are the other's."""
+    """Share of one's pulses that are also the other's."""
     apart = np.abs(one.reshape(-1, 1) - other.reshape(1, -1))
     return float((apart <= _AWAY).any(axis=1).mean())
 

@@ -1,4 +1,4 @@
-"""How many bursts on a channel no listed code explains."""
+"""Count the bursts on a channel that no listed code explains."""
 
 import math
 from collections.abc import Sequence
@@ -10,24 +10,24 @@ from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.judging import Burst
 
 _PER_HOUR = 0.02
-"""Foreign bursts on a channel where none was seen."""
+"""Assumed rate of foreign bursts on a channel without any."""
 _MEMORY_S = 300.0
 """Time over which foreign bursts are averaged."""
 _START_S = 10.0
-"""Added to the time since the start: a first burst is no rate."""
+"""Time added to that since the start, so that one early burst is not a high rate."""
 _WEAKEST, _SURE = 10.0, 14.0
-"""Noise energies of a foreign pulse with two others, and of one alone."""
+"""Least energy of a foreign pulse with two others, and of a single one [noise energies]."""
 _BESIDE = 0.25
-"""Of a burst's mean energy, the least of a foreign pulse that speaks against it."""
+"""Least energy of a foreign pulse that contradicts a burst, relative to the burst's mean."""
 _ROWS = 2
-"""Rows by which pulses of one sender may differ."""
+"""Largest difference in rows between pulses of one sender."""
 
 
 class Foreign:
     """Counts bursts that no listed code explains.
 
-    `span`: columns of the longest listed burst.
-    `guard`: columns to either side of a pulse's that are its own.
+    `span`: columns of the longest listed burst. `guard`: columns on either side of a pulse that
+    belong to it.
     """
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
@@ -40,15 +40,15 @@ class Foreign:
 
     @property
     def per_hour(self) -> float:
-        """Foreign bursts in an hour, by the last minutes."""
+        """Foreign bursts per hour, averaged over the last minutes."""
         heard_s = min(_MEMORY_S, self._upto * self._cells.column_s) + _START_S
         return _PER_HOUR + 3600.0 * self._count / heard_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
         """Find the foreign pulses among the recent cells, and count their bursts.
 
-        `explained`: of listed codes.
-        `upto`: column before which foreign bursts are counted.
+        `explained`: bursts of listed codes. `upto`: column before which foreign bursts are
+        counted.
         """
         cells = self._cells
         loudest = cells.recent.max(axis=0)
@@ -70,13 +70,13 @@ class Foreign:
         self._upto = max(upto, self._upto)
 
     def _of_burst(self, column: int) -> bool:
-        """Whether two more pulses of one sender lie within a burst's length of a pulse."""
+        """True if two more pulses of one sender lie within a burst's length of a pulse."""
         (row,) = self._rows[self._columns == column]
         near = np.abs(self._columns - column) <= self._span
         return int((near & (np.abs(self._rows - row) <= _ROWS)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
-        """Foreign bursts in an hour: by the last minutes, or by those within a burst."""
+        """Foreign bursts per hour at a burst: averaged, or those within a burst's length."""
         near = self._columns >= burst.columns[0] - self._span
         near &= self._columns <= burst.columns[-1] + self._span
         near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin

@@ -1,7 +1,8 @@
-"""Who sent a burst, by the bursts before and after it: a code and a burst interval are one tag.
+"""Identify the sender of a burst from the bursts before and after it.
 
-Tags with one code and different intervals are distinguished by them alone. A burst that may be
-an unlisted code's is the listed tag's if others lie in step with it and together suffice.
+A code and a burst interval define a tag; tags with the same code are distinguished by their
+intervals alone. A burst that may be an unlisted code's is the listed tag's if others are in
+step with it and the evidence suffices together.
 """
 
 import math
@@ -16,30 +17,29 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 STEPS = 8
-"""Intervals over which bursts are compared, if not said otherwise."""
+"""Default number of intervals over which bursts are compared."""
 _MISSED = 1.0
-"""Log likelihood that a missing burst takes from an interval: most are found."""
+"""Log-likelihood lost by an interval for a missing burst; most bursts are detected."""
 _TRIED = math.log(STEPS)
-"""Log of how many ranges of steps are tried, of which the best counts."""
+"""Log of the number of ranges of steps tried, of which the best is used."""
 _CLEARLY = 3.0
-"""Log likelihood by which one interval must fit better than the others."""
+"""Log-likelihood by which one interval must fit better than the others."""
 _TIMING_S = 1e-3
 _WAIT = 2.2
-"""Intervals for which a burst of several possible tags waits for those after it."""
+"""Wait of an ambiguous burst for later ones [intervals]."""
 DOUBT = math.log(100.0)
-"""Evidence that a record may lack; it is not confirmed then."""
+"""Evidence that a record may lack; it is then not confirmed."""
 _ROWS = 1
-"""Rows by which bursts of one tag may differ."""
+"""Largest difference in rows between bursts of one tag."""
 
 
 def in_step(
     at_s: float, others_s: NDArray[np.float64], tag: Tag, timing_s: float, most: int = STEPS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Look for bursts whole burst intervals before and after one.
+    """Find bursts at whole burst intervals before and after one.
 
-    `tag`: whose interval it is.
-    Returns (expected_s, gains, which), each (2 most,): the places in time; log odds that a
-    burst found there is the tag's, 0 for none; the nearest of the others to each place.
+    `tag`: gives the interval. Returns (expected_s, gains, which), each (2 most,): expected
+    times; log odds that a burst found there is the tag's, 0 for none; the nearest other burst.
     """
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
@@ -61,11 +61,11 @@ def likeliest(
     heard_s: tuple[float, float],
     timing_s: float,
 ) -> list[int]:
-    """Say which of several tags sent a burst, by their intervals.
+    """Decide which of several tags sent a burst, by their intervals.
 
-    `others_s`: times of the other bursts that each of the tags may have sent.
-    `heard_s`: begin and end of the time that was searched.
-    Returns: places among the tags, the likeliest first; more than one if that is open.
+    `others_s`: times of the other bursts that each tag may have sent. `heard_s`: start and end
+    of the searched time. Returns indices of the tags, the likeliest first; more than one if
+    undecided.
     """
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
@@ -80,47 +80,47 @@ def likeliest(
 
 @dataclass(slots=True, kw_only=True)
 class Sighting:
-    """A burst that was found by itself, until it is known whose it is."""
+    """A burst found by itself, until its sender is identified."""
 
     tags: tuple[Tag, ...]
-    """Tags that may have sent it, the likeliest first."""
+    """Possible tags, the likeliest first."""
     hit: tuple[int, ...]
-    """Ids of tags whose bursts lie on too many of its pulses."""
+    """Ids of tags whose bursts overlap too many of its pulses."""
     start_ns: int
     starts_ns: list[int]
-    """Of the pulses that were heard."""
+    """Start times of the received pulses."""
     heard: NDArray[np.float64]
-    """Energies of these pulses over the noise, in noise energies."""
+    """Energies of these pulses relative to the noise."""
     offset_hz: float
     noise: float
     row: int
     score: float
     alone: NDArray[np.float64]
-    """Log likelihood ratio of each of the code's pulses to noise or another's pulse."""
+    """Log-likelihood ratio of each of the code's pulses against noise or another's pulse."""
     good: NDArray[np.bool_]
     unlisted: float
-    """Log likelihood ratio to codes that are not listed."""
+    """Log-likelihood ratio against unlisted codes."""
     required: float
-    """That it must reach."""
+    """Log-likelihood ratio that it must reach."""
     reported: bool = False
     tag_id: int | None = None
-    """Whose it is, when that is known."""
+    """The sender, once identified."""
 
     def seconds_to(self, time_ns: int) -> float:
         """Time from the burst's start."""
         return (time_ns - self.start_ns) / NANOSECONDS_PER_SECOND
 
     def age_in_intervals(self, now_ns: int) -> float:
-        """Time since the burst, in the longest interval of its tags."""
+        """Time since the burst, in the longest interval of its possible tags."""
         return self.seconds_to(now_ns) / max(tag.pulse_intervals_s[0] for tag in self.tags)
 
     def may_be(self, tag: Tag) -> bool:
-        """Whether a tag may have sent it."""
+        """True if a tag may have sent it."""
         return self.tag_id == tag.tag_id if self.tag_id else tag in self.tags
 
 
 class Sightings:
-    """The bursts of the last intervals."""
+    """The bursts of the last few intervals."""
 
     def __init__(self) -> None:
         self._by_tag: dict[int, list[Sighting]] = {}
@@ -130,11 +130,10 @@ class Sightings:
     def name(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
-        """Take new bursts; give those that are to be reported, and whose they are.
+        """Add new bursts; return those to be reported, with their senders.
 
-        `now_ns`: time up to which bursts were searched.
-        Returns: with the ids of other tags that may have sent it; `Sighting.tag_id` is set if
-        it is confirmed.
+        `now_ns`: time up to which bursts were searched. Each comes with the ids of other
+        possible tags; `Sighting.tag_id` is set if it is confirmed.
         """
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting

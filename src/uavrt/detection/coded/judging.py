@@ -1,9 +1,9 @@
-"""Whether a sum of cells is a burst, and whose of several codes that claim it.
+"""Decide whether a sum of cells is a burst, and which of several codes it belongs to.
 
 The pulses of a burst come from one tag within a quarter of a second: they are equally strong
-(`evidence`), each is where its cell is largest, and each is as short as a pulse. What lies
-within a stronger burst is explained by it; a code is distinguished from another by the
-likelihood of the pulses that they do not share.
+(`evidence`), each is where its cell is largest, and each is as short as a pulse. Signals within
+a stronger burst are explained by it; codes are distinguished by the likelihood of the pulses
+that they do not share.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,53 +18,52 @@ from uavrt.detection.coded.evidence import FADING, evidence
 from uavrt.detection.coded.sums import CodeBook
 
 _POOL = 1
-"""Columns about a pulse's place in which its cell is the largest."""
+"""Columns around a pulse's place in which its cell is the largest."""
 _LEAK = 0.35
-"""Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
+"""Largest amplitude that may be leakage, relative to the strongest at any frequency."""
 _LOUD = 20.0
-"""Least energy for which a leak is searched [noise energies]."""
+"""Least energy for which leakage is considered [noise energies]."""
 _NEARLY = 1.0 - 1e-6
-"""Of the least sum: rounding must not decide beforehand."""
+"""Share of the least sum, so that rounding does not decide early."""
 _ALIKE = 0.33
-"""Of the amplitude of one pulse of a burst, the least of another."""
+"""Least amplitude of a pulse relative to another in the same burst."""
 _HIT = 0.5
-"""Of the usual amplitude, the least where another signal hides a pulse."""
+"""Least amplitude at which another signal hides a pulse, relative to the usual one."""
 LEAST_EVIDENCE = 4.0
-"""Log likelihood ratio of the listed code to unlisted ones: a burst with less is dropped."""
+"""Least log-likelihood ratio of the listed code against unlisted ones."""
 _HIGHER = 2.3
-"""Noise amplitudes by which a cell near a pulse may be above that of the pulse."""
+"""Noise amplitudes by which a cell near a pulse may exceed the pulse's."""
 _BESIDE = 0.6
-"""Of a pulse's amplitude, most that is before and after it, noise not counted …"""
+"""Largest amplitude before and after a pulse, relative to it and without noise …"""
 _ENDS = (1.2, 3.2)
 """… at one of these distances [pulse widths]."""
 ASIDE_S, ASIDE_NOISE_S = 0.75e-3, 3e-3
-"""A pulse further from its place by the code than the others are is not the code's; the second
-is divided by the amplitude, for noise. Half of the gaps' tolerance: by the flanks of its pulses
-a code was taken for one whose gaps are 4.5 ms away together, at 20 dB."""
+"""Largest deviation of a pulse from its place relative to the burst's others; the second value
+is divided by the amplitude, for noise. Half of the gaps' tolerance: at 20 dB the flanks of a
+code's pulses matched one whose gaps differ by 4.5 ms in total."""
 _FLANK = 0.8
-"""Of a pulse's amplitude, at most that of its flank; more is itself, not what hits it."""
+"""Largest amplitude of a flank relative to its pulse; more is a pulse itself."""
 _GUARD_S = 0.5e-3
-"""Beyond a pulse width from a pulse, its filters' ringing."""
+"""Duration of the filters' ringing beyond a pulse width."""
 _CERTAIN = 10.0
-"""Log likelihood by which a code must be better than all that share pulses with it."""
+"""Log-likelihood by which a code must exceed all that share pulses with it."""
 _MOST_SWAPS = 3
-"""Of codes that explain pulses for others that explain more."""
+"""Most replacements of codes that explain pulses by others that explain more."""
 _NAMED, _SURE_PULSE = 2, 12.0
-"""Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
+"""Pulses that must be undisturbed, and the strength of each, for a burst that is not
+identified."""
 _NOWHERE = -(2**40)
 _SATURATED = 12.0
-"""Energy at which kept cells no longer show where a pulse is best [noise energies]."""
+"""Energy at which stored cells no longer show a pulse's maximum [noise energies]."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Burst:
     """A burst that one code claims.
 
-    `column`: of the first pulse, nearly.
-    `offsets` (pulses,): columns of the pulses from there, by the code.
-    `columns` (pulses,): where the pulses' cells are largest.
-    `good` (pulses,): pulses that count: alone on air, and like the others.
-    `likelihood`: log, over noise.
+    `column`: approximate column of the first pulse. `offsets` (pulses,): columns of the pulses
+    from there, by the code. `columns` (pulses,): where the pulses' cells are largest. `good`
+    (pulses,): pulses that are undisturbed and equally strong. `likelihood`: log, against noise.
     """
 
     book: CodeBook
@@ -78,25 +77,25 @@ class Burst:
     good: NDArray[np.bool_]
     likelihood: float = 0.0
     unlisted: float = 0.0
-    """Log likelihood ratio to codes that are not listed."""
+    """Log-likelihood ratio against unlisted codes."""
     alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    """Log likelihood ratio of each pulse to noise or another's pulse in its place."""
+    """Log-likelihood ratio of each pulse against noise or another's pulse in its place."""
     prior: float = 0.0
     """Log odds that it is sent now, over any other time."""
     score: float = 0.0
-    """Sum over its least."""
+    """Sum over the required one."""
     also_possible: list[int] = field(default_factory=list)
-    """Ids of tags that may have sent it as well."""
+    """Ids of other tags that may have sent it."""
     hit_by: list[int] = field(default_factory=list)
-    """Ids of tags whose bursts lie on too many of its pulses."""
+    """Ids of tags whose bursts overlap too many of its pulses."""
 
     @property
     def tag_id(self) -> int:
-        """Whose it is."""
+        """The tag of its code."""
         return self.book.tags[self.code].tag_id
 
     def renewed(self) -> "Burst":
-        """The same claim, to be judged again: what that changes is its own."""
+        """A copy of the claim that can be judged again independently."""
         return replace(self, good=self.good.copy(), also_possible=[])
 
 
@@ -109,10 +108,10 @@ def measure(
     *,
     prior: float = 0.0,
 ) -> list[Burst]:
-    """Look at the pulses of seeds among the recent cells; leave out what is no burst.
+    """Measure the pulses of seeds among the recent cells; drop seeds that are no burst.
 
-    `seeds` (n, 5): all pulses lie among the recent cells.
-    `prior`: log odds that a burst is sent now, over any other time.
+    `seeds` (n, 5): all pulses lie among the recent cells. `prior`: log odds that a burst is
+    sent now, over any other time.
     """
     if not len(seeds):
         return []
@@ -181,7 +180,7 @@ def measure(
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Move strong seeds, of which many columns and stretches look alike, to the best."""
+    """Move strong seeds, with many similar columns and stretches, to the best one."""
     offsets = book.offsets[seeds[:, 0]]
     last = cells.recent.shape[1] - 1
     at = seeds[:, 3] - cells.recent_from
@@ -210,7 +209,7 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
 
 
 def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Offsets (n, pulses) from the seeds' columns: the best, a little about those searched."""
+    """Offsets (n, pulses) from the seeds' columns: the best near the searched ones."""
     shifts = np.array([0, -1, 1], np.int32)
     tried = book.fine[seeds[:, 0], seeds[:, 2]][:, None] + shifts[:, None, None]
     tried = tried.reshape(len(seeds), -1, book.pulses)
@@ -224,12 +223,11 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _aside(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Which pulses lie off their places by the code, unlike the burst's others.
+    """Find pulses that deviate from their places, unlike the burst's others.
 
-    And the energies where they are highest, within a pulse width and at any frequency near.
-
-    In a row near a tag's frequency its pulses have two tops, each up to half a pulse from the
-    middle; where they are is seen in the row that is loudest.
+    Also returns the energies at their maxima, within a pulse width and at near frequencies. In
+    a row near a tag's frequency its pulses have two maxima, up to half a pulse from the middle;
+    the strongest row shows the true position.
     """
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
@@ -254,12 +252,12 @@ def _best(
 
 
 def least_pulses(pulses: int) -> int:
-    """Pulses of a burst that must be heard alone: two gaps at least, where there are two."""
+    """Number of a burst's pulses that must be undisturbed: two gaps at least, if it has two."""
     return max(min(3, pulses), pulses - 1) if pulses <= 4 else pulses - 2
 
 
 def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Medians of some values of each row; infinite where there are none."""
+    """Medians of the selected values of each row; infinite where there are none."""
     ordered = np.sort(np.where(of, values, np.inf).astype(np.float64), axis=1)
     count = of.sum(axis=1)
     rows = np.arange(len(ordered))
@@ -271,7 +269,7 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
 def weigh(
     bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
 ) -> list[Burst]:
-    """Keep the bursts of equally many pulses whose good ones suffice, and note their scores."""
+    """Keep the bursts, of equal numbers of pulses, whose good ones suffice; score them."""
     if not bursts:
         return []
     energies = np.stack([one.energies for one in bursts])
@@ -290,7 +288,7 @@ def weigh(
 def scores_of(
     energies: NDArray[np.float64], own: NDArray[np.bool_], limits: dict[int, float]
 ) -> NDArray[np.float64]:
-    """Sums of each burst's own pulses over their least; 0 if these are too few."""
+    """Sums of each burst's own pulses over the required ones; 0 if too few."""
     least = np.array([limits.get(count, np.inf) for count in range(own.shape[1] + 1)])
     limit = least[own.sum(axis=1)][:, None]
     # A pulse that is much stronger than the others does not stand for them.
@@ -299,7 +297,7 @@ def scores_of(
 
 
 def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """Leave out what `weigh` drops whichever of its pulses count: most of many seeds."""
+    """Drop early what `weigh` would drop with any of its pulses: most of many seeds."""
     pulses = energies.shape[1]
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)
@@ -312,11 +310,11 @@ def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray
 
 
 class OnAir:
-    """Bursts that were accepted: what lies within their pulses is theirs."""
+    """Accepted bursts, which explain everything within their pulses."""
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(_GUARD_S / cells.column_s)
-        """Columns to either side of a pulse's that are its own."""
+        """Columns on either side of a pulse that belong to it."""
         self.bursts: list[Burst] = []
         self._cells = cells
 
@@ -325,14 +323,14 @@ class OnAir:
         self.bursts = [one for one in self.bursts if one.columns[-1] >= before]
 
     def add(self, burst: Burst) -> None:
-        """Take an accepted burst."""
+        """Add an accepted burst."""
         self.bursts.append(burst)
 
 
 class Covered:
-    """Which pulses of claims lie on those of bursts on air, and what that leaves of them.
+    """Overlap of claims' pulses with accepted bursts, and what remains of the claims.
 
-    `guard`: columns to either side of a pulse's that are its own.
+    `guard`: columns on either side of a pulse that belong to it.
     """
 
     def __init__(self, claims: list[Burst], guard: int) -> None:
@@ -348,13 +346,13 @@ class Covered:
             self._good[own, :pulses] = [claims[i].good for i in own]
         self._least = [least_pulses(len(one.columns)) for one in claims]
         self.pulses = np.zeros(shape, np.bool_)
-        """Covered, by claim."""
+        """True for overlapped pulses, by claim."""
         self._by: list[tuple[Burst, NDArray[np.bool_]]] = []
         self._on_air: dict[int, list[Burst]] = {}
         self._sum()
 
     def add(self, *bursts: Burst) -> None:
-        """Put bursts on air."""
+        """Add accepted bursts."""
         for burst in bursts:
             apart = np.abs(self._columns[:, :, None] - burst.columns)
             hit = (apart <= self._guard).any(axis=2)
@@ -366,26 +364,26 @@ class Covered:
     def _sum(self) -> None:
         alone = self._good & ~self.pulses
         self.count: list[int] = self.pulses.sum(axis=1).tolist()
-        """Of covered pulses, by claim."""
+        """Number of overlapped pulses, by claim."""
         self.alone: list[int] = alone.sum(axis=1).tolist()
-        """Good pulses that are left, by claim …"""
+        """Remaining good pulses, by claim …"""
         self.weakest: list[float] = (
             np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
         )
 
     def leaves_nothing_of(self, claim: int) -> bool:
-        """Whether too few pulses are left for an identity, and for a name."""
+        """True if too few pulses remain for an identification, and for a report."""
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < _NAMED or self.weakest[claim] < _SURE_PULSE
         )
 
     def whose(self, claim: int) -> list[Burst]:
-        """Bursts on air that a claim's pulses lie on."""
+        """Accepted bursts that a claim's pulses overlap."""
         return [burst for burst, hit in self._by if hit[claim]]
 
     def sends(self, burst: Burst) -> bool:
-        """Whether the burst's tag is sending another at that time: this is an echo of it."""
+        """True if the burst's tag is sending another at that time, so that this is an echo."""
         own = self._on_air.get(burst.tag_id)
         if own is None:
             return False
@@ -403,13 +401,11 @@ def decide(
 ) -> tuple[list[Burst], int]:
     """Accept the bursts that together explain the pulses best.
 
-    The likeliest first; then it is tried whether without one of them the others explain more:
-    of two bursts that lie in each other a third code may have pulses of both.
-
-    `claims`: weighed; those of one sent burst come in several versions and codes.
-    `on_air`: what was accepted before.
-    `before`: lost bursts that begin before this column are counted.
-    Returns: the accepted ones, and how many collided with others and could not be identified.
+    The likeliest comes first; then each is removed on trial to see whether the others explain
+    more: a third code may share pulses with two interleaved bursts. `claims`: weighed; each
+    sent burst has several versions and codes. `on_air`: previously accepted bursts. `before`:
+    lost bursts that begin before this column are counted. Returns the accepted ones, and the
+    number that collided with others and could not be identified.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)

@@ -1,7 +1,7 @@
-"""How large a sum must be: false identities in an hour for each code.
+"""Required sums for a given number of false identifications per hour and code.
 
 The sum of n cells of noise has Erlang's distribution; of the sums tried in an hour only some
-are independent: how many was measured (docs/explanation/coded-tags.md). Several bursts are
+are independent, a number that was measured (docs/explanation/coded-tags.md). Several bursts are
 judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and Rice (1980).
 """
 
@@ -12,25 +12,26 @@ from uavrt.lean_scipy import special
 from uavrt.messages import Tag
 
 FALSE_PER_HOUR = 1e-4
-"""Identities that noise may make, of each code."""
+"""False identifications allowed from noise, per code."""
 _SHARES = {1: 0.4, 3: 0.2}
-"""Of the sums of one burst and of three; the rest is of the longest."""
+"""Shares of the false alarms for sums of one burst and of three; the rest is for the
+longest."""
 _PER_CELL = 60.0
 """Independent sums for each pulse width and its inverse: cells overlap, gaps stretch."""
 _PER_INTERVAL = 1.0
-"""Independent burst intervals for each pulse width by which the last burst may be off."""
+"""Independent burst intervals per pulse width of the last burst's uncertainty."""
 _PER_LOOK = 14.0
-"""Independent sums that a closer look tries."""
+"""Independent sums in a refinement."""
 
 
 @lru_cache(maxsize=256)
 def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
-    """Sum of cells, in noise energies, that noise reaches so often."""
+    """Sum of cells, in noise energies, that noise reaches at this rate."""
     return float(special.gammainccinv(pulses, min(0.5, false_per_hour / tests_per_hour)))
 
 
 def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
-    """Independent sums of a number of bursts of one code in an hour."""
+    """Number of independent sums of several bursts of one code in an hour."""
     width_s = tag.pulse_width_s
     cells = 3600.0 / width_s * (bandwidth_hz * width_s + 1.0)
     off_s = 2.0 * (bursts - 1) * tag.interval_uncertainty_s
@@ -40,10 +41,9 @@ def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
 def sum_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum that is this tag.
+    """Least sum that identifies a tag.
 
-    `pulses`: cells in the sum.
-    `false_per_hour`: identities that noise may make.
+    `pulses`: cells in the sum. `false_per_hour`: allowed identifications from noise.
     """
     share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
@@ -53,7 +53,7 @@ def sum_limit(
 def amplitude_limit(
     tag: Tag, *, bandwidth_hz: float, bursts: int, pulses: int, false_per_hour: float
 ) -> float:
-    """Least sum of amplitudes of several bursts, closely looked at; else as `sum_limit`."""
+    """Least sum of amplitudes of several refined bursts; otherwise as `sum_limit`."""
     share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
     return rayleigh_limit(pulses, min(0.1, share * false_per_hour / (_PER_LOOK * tests)))
@@ -61,10 +61,7 @@ def amplitude_limit(
 
 @lru_cache(maxsize=256)
 def rayleigh_limit(count: int, chance: float) -> float:
-    """Sum of amplitudes of cells of noise that is reached with a given probability.
-
-    `count`: cells, whose energies are exponential with mean 1.
-    """
+    """Sum of the amplitudes of noise cells that is reached with a given probability."""
     low, high = 0.02, 8.0
     for _ in range(50):
         middle = 0.5 * (low + high)
@@ -93,5 +90,5 @@ def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
 
 
 def longest(tag: Tag, kept_s: float) -> int:
-    """Most bursts that are summed: as many as K, and as the kept cells hold to both sides."""
+    """Most bursts that are summed: at most K, and within the kept cells on both sides."""
     return max(1, min(tag.k, 1 + math.floor(0.5 * kept_s / tag.pulse_intervals_s[0])))

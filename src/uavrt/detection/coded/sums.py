@@ -1,9 +1,9 @@
-"""Sums of cells at the gaps of many codes: the search of all codes of a channel.
+"""Sum cells at the gaps of many codes: the search of all codes of a channel.
 
-A burst is the sum of the cells of its pulses, noncoherent, at the gaps of its code; the tag's
+A burst is the noncoherent sum of the cells of its pulses at the gaps of its code; the tag's
 crystal stretches all gaps alike, so a few stretches are tried. Several bursts are summed at the
-burst interval about a sum that stands out, a seed: of three or ten bursts that are heard one
-does so nearly always.
+burst interval around a seed, a sum that stands out: nearly always one of three or ten
+detectable bursts does.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,20 @@ from uavrt.messages import Tag
 from uavrt.native import kernels
 
 STRETCHES = (0.0, -0.5, 0.5, -1.0, 1.0)
-"""Of the tolerance of all gaps together."""
+"""Stretches to try, as shares of the tolerance of all gaps together."""
 APART = 4
-"""Columns within which a seed is the largest sum of its row and code."""
+"""Range of columns in which a seed is the largest sum of its row and code."""
 FIELDS = 5
-"""Of a seed: code, row, stretch, column, sum."""
+"""Fields of a seed: code, row, stretch, column, sum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CodeBook:
-    """Codes with as many pulses in a burst, in columns of cells.
+    """Codes with equal numbers of pulses, in columns of cells.
 
-    `offsets` (codes, stretches, pulses): columns of the pulses from the first.
-    `fine` (codes, stretches, 3, pulses): the same a little shorter, as it is, and a little
-    longer.
-    `intervals` (codes,): columns from burst to burst.
+    `offsets` (codes, stretches, pulses): columns of the pulses from the first. `fine` (codes,
+    stretches, 3, pulses): the same slightly shorter, exact, and slightly longer. `intervals`
+    (codes,): columns from burst to burst.
     """
 
     tags: tuple[Tag, ...]
@@ -41,7 +40,7 @@ class CodeBook:
 
     @property
     def pulses(self) -> int:
-        """Pulses of a burst."""
+        """Number of pulses in a burst."""
         return int(self.offsets.shape[2])
 
     @property
@@ -51,7 +50,7 @@ class CodeBook:
 
 
 def make_code_book(tags: tuple[Tag, ...], column_s: float) -> CodeBook:
-    """Lay out codes that have as many gaps as each other."""
+    """Make the book of codes with equal numbers of gaps."""
     gaps_s = np.array([tag.gaps_s for tag in tags])
     starts_s = np.concatenate((np.zeros((len(tags), 1)), np.cumsum(gaps_s, axis=1)), axis=1)
     stretches = np.add.outer(np.array(STRETCHES), (-0.25, 0.0, 0.25))
@@ -70,10 +69,8 @@ def find_seeds(
 ) -> NDArray[np.int32]:
     """Find the sums of bursts that reach a level.
 
-    `first`, `count`: columns at which bursts begin.
-    `clip`: most that a cell counts.
-    `level`: in steps of the kept cells, as `clip`.
-    Returns: (seeds, 5) code, row, stretch, column, sum.
+    `first`, `count`: start columns of the bursts. `clip`: largest cell that counts. `level`: in
+    steps of the stored cells, as `clip`. Returns (seeds, 5): code, row, stretch, column, sum.
     """
     at = first - cells.base
     if at < APART:
@@ -132,13 +129,11 @@ def fold(
     steps: int,
     clip: int,
 ) -> NDArray[np.int32]:
-    """Sum the bursts about seeds at the burst interval.
+    """Sum the bursts around seeds at the burst interval.
 
-    `bursts`: in a row, of which the seed is one.
-    `reach`: columns by which the interval may be off.
-    `steps`: intervals tried on either side.
-    Returns: (n, 3) sum, which of the intervals (from -steps), place of the first burst (0: the
-    seed).
+    `bursts`: consecutive ones, including the seed. `reach`: columns by which the interval may
+    be off. `steps`: intervals tried on either side. Returns (n, 3): sum, index of the interval
+    (from -steps), position of the first burst (0: the seed).
     """
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base

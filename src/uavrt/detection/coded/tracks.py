@@ -1,4 +1,4 @@
-"""Where a tag that was identified is expected to send its next burst."""
+"""Predict the next burst of an identified tag."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,17 +9,16 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 MISSES = 8
 """Most bursts that may be missed before a tag must be identified again."""
 _OWN_ERROR = 5e-6
-"""Of an interval that was measured: a crystal's drift with temperature."""
+"""Relative error of a measured interval: a crystal's drift with temperature."""
 _TIMING_S = 1e-3
 
 
 @dataclass(slots=True)
 class BurstTrack:
-    """A tag that was identified.
+    """An identified tag.
 
-    `time_ns`: start of its newest burst.
-    `row`: frequency, as a row of the cells.
-    `interval_s`, `error_s`: from burst to burst, and how far that may be off.
+    `time_ns`: start of its newest burst. `row`: frequency, as a row of the cells. `interval_s`,
+    `error_s`: from burst to burst, and its uncertainty.
     """
 
     tag: Tag
@@ -29,7 +28,7 @@ class BurstTrack:
     error_s: float
 
     def hear(self, time_ns: int, row: int) -> None:
-        """Take a burst that comes after the newest."""
+        """Update with a burst that follows the newest."""
         passed_s = (time_ns - self.time_ns) / NANOSECONDS_PER_SECOND
         count = round(passed_s / self.interval_s)
         if count >= 1:
@@ -41,7 +40,7 @@ class BurstTrack:
         self.time_ns, self.row = time_ns, row
 
     def expected(self, upto_ns: int) -> Iterator[tuple[int, float]]:
-        """Starts of the bursts that may come before a time, and how far they may be off [s]."""
+        """Expected starts of bursts before a time, and their uncertainties [s]."""
         for count in range(1, MISSES + 1):
             at_ns = self.time_ns + round(count * self.interval_s * NANOSECONDS_PER_SECOND)
             if at_ns >= upto_ns:
@@ -50,14 +49,14 @@ class BurstTrack:
 
 
 class Tracks:
-    """All tags of a channel that were identified."""
+    """All identified tags of a channel."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
         self.tags = {tag.tag_id: tag for tag in tags}
         self.alive: dict[int, BurstTrack] = {}
 
     def hear(self, tag_id: int, time_ns: int, row: int) -> BurstTrack:
-        """Note a burst of a tag."""
+        """Add a burst of a tag."""
         track = self.alive.get(tag_id)
         if track is None:
             tag = self.tags[tag_id]
@@ -74,7 +73,7 @@ class Tracks:
         return track
 
     def forget(self, now_ns: int) -> None:
-        """Drop the tags that have been silent too long."""
+        """Drop tags that have been silent too long."""
         self.alive = {
             tag_id: track
             for tag_id, track in self.alive.items()

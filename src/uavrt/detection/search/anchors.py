@@ -1,8 +1,8 @@
-"""The search that starts from cells strong enough to be a pulse of a group: anchors.
+"""Search from anchors: cells strong enough to be a pulse of a group.
 
-Searches of several tags are done together: the work on their cells and hypotheses is one long
-array for all of them, and a call of NumPy costs more than what a single tag gives it to do
-(docs/decisions/0147). A search alone is a group of one.
+Several tags are searched together: their cells and hypotheses form one long array, because a
+NumPy call costs more than the work of a single tag. A single search is a
+group of one.
 """
 
 import bisect
@@ -27,8 +27,8 @@ from uavrt.native import kernels
 
 _ANCHORS_AT_ONCE = 96
 _CANDIDATES_AT_ONCE = 24
-"""Of the strongest. A neighbour 10 dB above the tag fills eight with its flanks: for 36 pulses
-the tag was not found next to it."""
+"""Strongest candidates measured at once. A neighbour 10 dB above the tag fills eight with its
+flanks; 36 pulses were once missed next to it."""
 
 
 class AnchorSearch(RateSearch):
@@ -38,19 +38,19 @@ class AnchorSearch(RateSearch):
         super().__init__(**parameters)
         k, reach = self.k, self.reach
         self.waits = [MEASURED + math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
-        """Columns from an anchor in each place until all its pulses can be measured."""
+        """Columns from an anchor at each place until all pulses of its group are complete."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
-        """(places, k - 1, intervals): where the others lie in the stretch looked at."""
+        """(places, k - 1, intervals): position of the other pulses in the stretch."""
         self.lows = first[:, :, 0] - reach
-        """(places, k - 1): from the anchor to the first column of that stretch."""
+        """(places, k - 1): columns from the anchor to the first column of the stretch."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
-        """Columns to look at for one other pulse."""
+        """Columns of the stretch searched for one other pulse."""
         self.length = self.span + self.piece + 2 * reach + 4 + MEASURED
-        """Columns that are kept; column c lies at c modulo this."""
+        """Columns kept in the ring; column c is at c modulo this."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
-        """Columns with those that lie twice."""
+        """Columns of the ring, including the repeated ones."""
         self.base = 0
         # Its own when it is first needed: of a hundred tags in a group 48 MB never are.
         self.memory = np.zeros(0, np.float32)
@@ -61,10 +61,10 @@ class AnchorSearch(RateSearch):
         self.anchor_powers: list[float] = []
         self.null: NullLattices | None = None
         self.tested = [0] * k
-        """How many of the anchors were tested in each place."""
+        """Number of anchors tested at each place."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
-        """Count the groups on lattices of no tag, and raise the threshold by their excess."""
+        """Count groups on lattices of no tag, and raise the threshold by their excess."""
         if self.k > 1:
             self.null = NullLattices(
                 lows=self.lows,
@@ -76,13 +76,13 @@ class AnchorSearch(RateSearch):
 
     @property
     def margin(self) -> float:
-        """What the threshold is multiplied by for the noise at hand."""
+        """Factor on the threshold for the present noise."""
         if self.null is None:
             return self.own_margin
         return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: the first column that will be pushed is this one."""
+        """Begin in mid-stream: this is the number of the first column."""
         super().begin_at(column)
         self.pushed = column
 
@@ -90,23 +90,24 @@ class AnchorSearch(RateSearch):
         return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
 
     def open_anchors(self) -> Anchors:
-        """Get the anchors that the search is not done with."""
+        """Get the anchors that are not tested completely."""
         return self.anchor_columns, self.anchor_rows, self.anchor_powers
 
     def kind(self) -> tuple[int, ...]:
-        """What searches that `search_together` must have in common and keep forever."""
+        """Constant properties that searches in one call of `search_together` must share."""
         return self.rows, self.k, self.reach, len(self.intervals)
 
     @property
     def size(self) -> int:
-        """Cells of the ring."""
+        """Number of cells in the ring."""
         return self.rows * self.width
 
     def settle_in(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Keep the ring in `memory`, shape (n,), from index `base` on; maybe all is zero there.
+        """Place the ring in `memory`, shape (n,), from index `base` on; `empty`: it is all
+        zeros.
 
-        The ring's beginning is repeated behind its end: whatever is looked at lies in one
-        piece. The cells of one row lie side by side.
+        The ring's beginning is repeated behind its end, so that every stretch is contiguous.
+        The cells of one row are contiguous.
         """
         cells = memory[base : base + self.size].reshape(self.rows, self.width)
         if len(self.cells):
@@ -116,12 +117,12 @@ class AnchorSearch(RateSearch):
         self.memory, self.base, self.cells = memory, base, cells
 
     def settle(self) -> None:
-        """See that there is a ring: in memory of its own if it has not settled in another."""
+        """Ensure that there is a ring; in its own memory if it has no other."""
         if not len(self.memory):
             self.settle_in(np.zeros(self.size, np.float32), 0, empty=True)
 
     def append(self, power: NDArray[np.float32]) -> None:
-        """Put new columns, shape (rows, columns), into the ring."""
+        """Write new columns, shape (rows, columns), into the ring."""
         self.settle()
         count, cells, length = power.shape[1], self.cells, self.length
         at = self.pushed % length
@@ -137,11 +138,11 @@ class AnchorSearch(RateSearch):
 
     @property
     def fresh(self) -> int:
-        """Columns that can be searched for anchors since the last were."""
+        """Number of columns not yet searched for anchors."""
         return max(0, self.pushed - self.reach - self.columns)
 
     def advance(self, fresh: int) -> int:
-        """Add columns to the count; where the first of them lies in the ring."""
+        """Add columns to the count; return the position of the first in the ring."""
         first = self.columns % self.length
         self.columns += fresh
         if self.columns > self._first_columns:
@@ -149,13 +150,13 @@ class AnchorSearch(RateSearch):
         return first
 
     def note(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add anchors, in the order of their columns."""
+        """Add anchors in the order of their columns."""
         self.anchor_columns += columns
         self.anchor_rows += rows
         self.anchor_powers += powers
 
     def take_due(self, due: "_Due", member: int) -> None:
-        """Hand over every anchor in every place whose last pulse is complete."""
+        """Collect every anchor at every place whose last pulse is complete."""
         columns, tested = self.anchor_columns, self.tested
         if not columns:
             return
@@ -180,10 +181,10 @@ class AnchorSearch(RateSearch):
     def collect(
         self, tested: "_Tested", part: slice, least: float, shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the hypotheses in `part`, all this search's.
+        """Make candidates of the hypotheses in `part`, all of this search.
 
-        `least`: sum that makes a candidate.
-        `shorter`: columns by which the intervals looked at were shorter.
+        `least`: sum that makes a candidate. `shorter`: columns by which the tested intervals
+        were shorter.
         """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
@@ -206,10 +207,10 @@ class AnchorSearch(RateSearch):
     def candidates(
         self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
-        """Make candidates of the anchors that the compiled kernel found above threshold.
+        """Make candidates of the anchors that the compiled kernel found above the threshold.
 
-        `hits`: which of these, the best sum and the strength in noise powers, and the interval.
-        `shorter`: columns by which the intervals looked at were shorter.
+        `hits`: their indices, best sums, strengths in noise powers, and intervals. `shorter`:
+        columns by which the tested intervals were shorter.
         """
         hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
         which, score, strength, interval = zip(*hits, strict=True)
@@ -245,7 +246,7 @@ class AnchorSearch(RateSearch):
 
 @dataclass(slots=True)
 class _Due:
-    """Anchors to be tested, those of one search after those of the other."""
+    """Anchors to be tested, sorted by search."""
 
     columns: list[int] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
@@ -264,22 +265,21 @@ class _Tested:
     power: NDArray[np.float32]
     level: NDArray[np.float32]
     cells: NDArray[np.float32]
-    """(anchors, k - 1, intervals): the largest within the jitter at the other places."""
+    """(anchors, k - 1, intervals): the maximum within the jitter at the other places."""
     totals: NDArray[np.float32]
-    """(anchors, intervals)"""
+    """(anchors, intervals): sums of the powers."""
     best: NDArray[np.float32]
-    """In noise powers."""
+    """Greatest sum of each anchor, in noise powers."""
 
 
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add new columns of several searches; test every hypothesis that they complete.
+    """Add new columns to several searches; test every hypothesis that they complete.
 
-    `searches`: of equal rows, K, reach and number of intervals, with as many columns `fresh`
-    after these; their rings in one memory.
-    `power` (searches, rows, columns): at most a piece of columns.
-    Returns: for each search, best first.
+    `searches`: with equal rows, K, reach, number of intervals and number of `fresh` columns
+    after these; their rings share one memory. `power` (searches, rows, columns): at most one
+    piece of columns. Returns the candidates of each search, best first.
     """
     if kernels() is not None:
         return [
@@ -308,7 +308,7 @@ def search_together(
 def _search_by_kernel(
     search: AnchorSearch, power: NDArray[np.float32], level: NDArray[np.float32]
 ) -> list[Candidate]:
-    """Do as `search_together` for one search: its powers (rows, columns), its noise (rows,)."""
+    """Run `search_together` for one search: its powers (rows, columns), its noise (rows,)."""
     native = kernels()
     if power.strides[1] != power.itemsize:
         power = np.ascontiguousarray(power)
@@ -410,7 +410,7 @@ def _test_all(
     noise: NDArray[np.float32],
     found: list[list[Candidate]],
 ) -> None:
-    """Test anchors, about `_ANCHORS_AT_ONCE` at a time, and put what they find to `found`."""
+    """Test anchors, about `_ANCHORS_AT_ONCE` at a time; add candidates to `found`."""
     member = np.array(due.members)
     column, row = np.array(due.columns), np.array(due.rows)
     place, power = np.array(due.places), np.array(due.powers, np.float32)
@@ -495,5 +495,5 @@ def _test(
 
 
 def _stretches(memory: NDArray[np.float32], length: int) -> NDArray[np.float32]:
-    """Every stretch of `length` cells in a row, without a copy."""
+    """Every stretch of `length` contiguous cells, without a copy."""
     return np.ndarray((len(memory) - length + 1, length), np.float32, memory, 0, (4, 4))

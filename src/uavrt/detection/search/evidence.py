@@ -1,11 +1,10 @@
-"""Evidence for a candidate: its likelihood ratio summed over all that is not known of it.
+"""Likelihood ratio of a candidate, summed over its unknown parameters.
 
-The search takes the best cell at each place, for speed; a sum of the best is not the best sum.
-In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
-pulse of ENR E as without. The product over K places, averaged over where each pulse may lie and
-summed over the lattices and frequencies around a candidate, is what a Bayesian compares with
-its price; in noise its mean is the number of lattices summed, so the chance to exceed a bound
-falls as one over the bound.
+For speed the search takes the best cell at each place, but the best cells do not give the best
+sum. In noise of known power a cell of power P is exp(-E) I0(2 sqrt(E P)) times as likely with a
+pulse of ENR E as without. The product over K places, averaged over each pulse's time and summed
+over the lattices and frequencies around a candidate, is a Bayes factor. In noise its mean is
+the number of lattices summed, so the chance of exceeding a bound falls as the bound's inverse.
 """
 
 import math
@@ -21,26 +20,27 @@ from uavrt.detection.search.thresholds import begun_within_s, decision_interval_
 from uavrt.messages import Tag
 
 POWER_LIMIT = 16.0
-"""Most that one pulse counts for, in noise powers: else one impulse carries a group."""
+"""Largest power that counts for one pulse, in noise powers; otherwise one impulse carries a
+group."""
 _TABLE_STEP = 0.02
 _STEPS_PER_PULSE = 25
-"""Steps of a pulse's start: a cell's power falls by a twelfth from one to the next."""
+"""Steps of a pulse's start per pulse width; power falls by a twelfth from one to the next."""
 _ROWS_BINS = 0.125
-"""Step of the frequencies, and from the candidate's row to both ends twice that, in bins."""
+"""Step of the frequencies [bins]; they extend twice that from the candidate's row."""
 _FREQUENCIES = 5
 _JITTER_SHARE = 0.4
 """Standard deviation of a pulse's jitter as a share of its bound."""
 
 
 _GATE = 0.9
-"""Least score of a candidate that is weighed, as a share of the search's threshold."""
+"""Least score that is tested here, as a share of the search's threshold."""
 _SURE_SCORE = 1.2
-"""From here on nothing needs to be weighed: two cells at their limit, a third above noise."""
+"""Score from which no test is needed: two cells at their limit, a third above noise."""
 _FIRST_SHARE = 0.8
 _FACTOR_LOG = {3: -3.7}
-"""Logarithm of the groups of noise at a bound of one for each lattice, by K: calibrated."""
+"""Log of the number of noise groups at a bound of one per lattice, by K: calibrated."""
 _SLOPE = 1.2
-"""The limit makes the tail longer than one over the bound: calibrated."""
+"""Slope of the tail: the limit makes it longer than the inverse of the bound; calibrated."""
 
 
 def gate(k: int) -> float:
@@ -49,7 +49,7 @@ def gate(k: int) -> float:
 
 
 class Evidence:
-    """Weighs the candidates of one detector."""
+    """Tests the candidates of one detector."""
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag
@@ -70,7 +70,7 @@ class Evidence:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """Whether a candidate is likelier than what noise makes as often as is allowed."""
+        """True if a candidate is more likely than noise of the allowed false-alarm rate."""
         share = gate(search.k)
         if share == 1.0 or candidate.score >= _SURE_SCORE:
             return True
@@ -85,7 +85,7 @@ class Evidence:
         return self.weigh(starts, offset, level, strength) >= bound
 
     def _bounds_of(self, rate: int) -> tuple[float, float]:
-        """Least evidence for a group: usually, and in the first decision interval."""
+        """Least evidence of a group: normally, and in the first decision interval."""
         tag, grid = self._tag, self._grid
         width_s = tag.pulse_width_s
         usual_s = decision_interval_s(tag, rate)
@@ -106,14 +106,12 @@ class Evidence:
         level: float | NDArray[np.float64],
         strength: float,
     ) -> float:
-        """Logarithm of the likelihood ratio around a candidate.
+        """Log-likelihood ratio around a candidate.
 
-        `starts` (K,): index of the first sample of each pulse. What the samples do not hold
-        speaks neither for a pulse nor against it.
-        `level` (K,): noise power of a sample, at all pulses or each.
-        `strength`: ENR (not in dB) of a pulse, were there one.
-        Returns: of a density over the lattice's middle and its ends, in pulse widths, and over
-        frequency, in bins.
+        `starts` (K,): index of the first sample of each pulse. Missing samples count neither
+        for nor against a pulse. `level` (K,): noise power of a sample, common or per pulse.
+        `strength`: ENR (not in dB) of a pulse. The ratio is a density over the lattice's middle
+        and ends [pulse widths] and over frequency [bins].
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))
@@ -139,14 +137,14 @@ class Evidence:
 
 @lru_cache(maxsize=8)
 def _ratios(strength: float) -> NDArray[np.float64]:
-    """Likelihood ratio of a pulse to none, by power in steps of `_TABLE_STEP`."""
+    """Likelihood ratio of a pulse to noise, by power in steps of `_TABLE_STEP`."""
     power = np.arange(0.0, POWER_LIMIT + _TABLE_STEP, _TABLE_STEP)
     return np.asarray(np.exp(-strength) * np.i0(2.0 * np.sqrt(strength * power)))
 
 
 @lru_cache(maxsize=8)
 def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
-    """Averages over a pulse's jitter, shape (points, points); zero outside of these."""
+    """Weights that average over a pulse's jitter, shape (points, points); zero outside."""
     away = np.arange(2 * side + 1)
     apart = away[:, np.newaxis] - away[np.newaxis, :]
     if sigma <= 0.2:
@@ -159,7 +157,7 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
     """Point of each place for each lattice around the candidate, shape (K, lattices).
 
-    By the shift of the middle and of the ends against it, both in steps.
+    Ordered by the shifts of the middle and of the ends, in steps.
     """
     middle, turn = np.meshgrid(np.arange(-side, side + 1), np.arange(-side, side + 1))
     inside = np.abs(middle) + np.abs(turn) <= side

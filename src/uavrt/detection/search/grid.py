@@ -26,11 +26,11 @@ _SINGLE_THREAD_PRODUCT = 200_000
 """Matrix products up to this size stay on one thread in OpenBLAS (its limit is 262 144): two
 threads that wake for 50 us of work cost 50 times as much."""
 _DECIMATED_WINDOW = 24
-"""Least samples of a pulse after decimation: below, the hop gets too coarse."""
+"""Least samples of a pulse after decimation; with fewer, the hop is too coarse."""
 OUTPUTS_PER_ROW = 8
 _STOPBAND_DB = 55.0
 _KERNEL_WINDOW = 254
-"""Longest window of the compiled kernel."""
+"""Longest window of the compiled kernel [samples]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +114,7 @@ class Grid:
 
     @property
     def for_kernel(self) -> bool:
-        """Whether there is a compiled kernel for the power of the cells."""
+        """True if the compiled kernel can compute the cells' power."""
         small = self.halves is not None and self.length <= _KERNEL_WINDOW
         return small and kernels() is not None
 
@@ -136,7 +136,7 @@ class Grid:
     def _power_by_halves(
         self, samples: NDArray[np.complex64], result: NDArray[np.float32]
     ) -> None:
-        """Power of rows at ± f together: a quarter of the products, and real ones.
+        """Compute rows at ± f together: a quarter of the multiplications, and real ones.
 
         With e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n) around a window's middle the transform
         at ± f is A ∓ jB, A the sum of e cos and B that of o sin.
@@ -181,11 +181,11 @@ class Spectrogram:
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
         self.band = np.zeros(0, np.complex64)
-        """Narrow-band samples that the next columns begin with."""
+        """Narrow-band samples at the start of the next columns."""
         self.consumed = 0
         """Narrow-band samples made so far."""
         self._turns = np.zeros((0, 1), np.complex64)
-        """How far each row of outputs is turned against the first."""
+        """Phase of each row of outputs relative to the first."""
 
     @property
     def begun(self) -> int:
@@ -193,11 +193,11 @@ class Spectrogram:
         return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
 
     def needed(self) -> int:
-        """Index of the first channel sample that the next call looks at; may be negative."""
+        """Index of the first channel sample of the next call; may be negative."""
         return self.consumed * self.grid.decimation - self.grid.reach
 
     def push(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Take channel samples from index `needed` on; the new columns, (columns, rows)."""
+        """Add channel samples from index `needed` on; return new columns, (columns, rows)."""
         grid = self.grid
         block = self.lengthened(samples)
         power = grid.power(block)
@@ -205,7 +205,7 @@ class Spectrogram:
         return power
 
     def lengthened(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """The narrow band that was left, and what new channel samples add to it."""
+        """Remaining narrow-band samples, extended by new channel samples."""
         grid, native = self.grid, kernels()
         if native is None or grid.filter is None or grid.pairs is None:
             return np.concatenate((self.band, self.decimate(samples)))
@@ -242,9 +242,9 @@ class Spectrogram:
         return band.reshape(-1)
 
     def _turned(self, row: int, count: int) -> NDArray[np.complex64]:
-        """Put the tag at zero: what each row of outputs is multiplied by, shape (count, 1).
+        """Factors that shift the tag to zero for each row of outputs, shape (count, 1).
 
-        The turn within a row of outputs is in the filter.
+        The shift within a row of outputs is in the filter.
         """
         grid = self.grid
         turns = grid.turn_hz * OUTPUTS_PER_ROW * grid.decimation / grid.sample_rate_hz
@@ -258,10 +258,10 @@ class Spectrogram:
 def make_grid(
     *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
 ) -> Grid:
-    """Lay the grid around one tag.
+    """Make the grid around one tag.
 
-    `offset_hz`: middle of the search relative to the centre of the channel.
-    `half_width_hz`: half-width of the search; infinite or large: the whole channel.
+    `offset_hz`: middle of the search relative to the centre of the channel. `half_width_hz`:
+    half-width of the search; infinite or large: the whole channel.
     """
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
@@ -385,9 +385,8 @@ def _windows(
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
     """Maximum over ± `reach` columns, for columns where all of these exist.
 
-    `reach`: columns looked at on each side.
-    Returns: (columns - 2 * reach, rows) by doubling: the work grows with the logarithm of
-    `reach`.
+    Returns (columns - 2 * reach, rows), computed by doubling: the work grows with the logarithm
+    of `reach`.
     """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous

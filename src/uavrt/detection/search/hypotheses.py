@@ -54,12 +54,12 @@ MEASURED = 4
 """Columns that must follow a group's last pulse, half a pulse width: a strong one begins with a
 flank that is at the limit, and the group was measured there, 3 dB low, before its top came."""
 EQUAL_SCORES = 4
-"""Decimal places of a score that count. Cells are limited before they are summed, so strong
-groups share one score but for the last bits of float32, which must not choose between them."""
+"""Decimal places of a score that count. Strong groups share one score because cells are limited
+before the sum; float32 rounding must not choose between them."""
 
 
 def best_first(found: list[Candidate]) -> list[Candidate]:
-    """Sort candidates in place: the highest score, of equal ones the strongest, first."""
+    """Sort candidates in place: by score, ties by strength."""
     if len(found) > 1:
         found.sort(key=lambda one: (-round(one.score, EQUAL_SCORES), -one.strength))
     return found
@@ -110,49 +110,49 @@ class RateSearch(ABC):
         self.intervals = intervals
         self.longest = math.ceil(float(intervals[-1]))
         self.span = (k - 1) * self.longest + 1
-        """Columns from the first to the last pulse, at the longest interval."""
+        """Columns from the first to the last pulse at the longest interval."""
         places = np.arange(k)
         self._offsets = np.rint(
             (places[np.newaxis, :] - places[:, np.newaxis])[:, :, np.newaxis]
             * intervals[np.newaxis, np.newaxis, :]
         ).astype(np.intp)
-        """(place, place, intervals): columns from a pulse to another."""
+        """(place, place, intervals): columns from one pulse to another."""
         self.columns = 0
-        """Columns whose maxima over the jitter are known, since the start."""
+        """Number of columns whose maxima over the jitter are known."""
         self.piece = max(16, math.ceil(_PIECE_S / hop_s))
         self.best = 0.0
-        """Largest statistic over the threshold since it was last set to zero."""
+        """Largest statistic over the threshold since the last reset."""
         self.own_margin = 1.0
-        """What the threshold is multiplied by while the noise is hardly known."""
+        """Factor on the threshold while the noise estimate is young."""
         self.known: KnownPulses | None = None
-        """What they explain need not be returned."""
+        """Known pulses; candidates that they explain are not returned."""
         self.pass_on: Callable[[list[int], list[int], list[float]], None] | None = None
-        """Takes strong cells that the search is done with: columns, rows and powers."""
+        """Receives strong cells that the search has finished with: columns, rows and powers."""
 
     def open_anchors(self) -> Anchors:
-        """Get the strong cells that the search is not done with."""
+        """Get the strong cells that the search has not finished with."""
         return [], [], []
 
     @property
     def margin(self) -> float:
-        """What the threshold is multiplied by for the noise at hand."""
+        """Factor on the threshold for the present noise."""
         return self.own_margin
 
     @property
     def steady(self) -> bool:
-        """Whether the threshold is no longer that of the first decision."""
+        """True if the threshold is no longer that of the first decision."""
         return self.threshold == self._steady_threshold
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: the first column that will be pushed is this one."""
+        """Begin in mid-stream: this is the number of the first column."""
         self.columns = column + self.reach
         self._first_columns = 0
 
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Add new columns and test every hypothesis that they complete.
 
-        `noise` (rows,): noise power of each row, in the same units.
-        Returns: best first; several may be of the same pulses.
+        `noise` (rows,): noise power of each row, in the same units. Returns candidates, best
+        first; several may be of the same pulses.
         """
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):
@@ -160,7 +160,7 @@ class RateSearch(ABC):
         return best_first(found)
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Test the hypotheses still open, as if only silence followed."""
+        """Test the remaining hypotheses, assuming silence after the last column."""
         columns = self.longest * (self.k - 1) + 2 * self.reach + 1 + MEASURED
         if self.columns <= self._first_columns:
             self._first_columns += columns
@@ -168,14 +168,14 @@ class RateSearch(ABC):
 
     @abstractmethod
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        """Take at most a piece of columns, shape (rows, columns)."""
+        """Add at most one piece of columns, shape (rows, columns)."""
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Columns to look to either side of where a pulse should be.
+    """Columns to search on either side of an expected pulse.
 
-    Two pulses that are both off by their utmost are rare, and a pulse a little beyond the reach
-    is still seen by its flank: 0.7 of the bound loses less than the smaller search gains.
+    Two pulses both off by the full bound are rare, and a pulse a little beyond the reach still
+    shows by its flank: 0.7 of the bound loses less than the smaller search gains.
     """
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 
@@ -185,8 +185,8 @@ def interval_grid(
 ) -> NDArray[np.float64]:
     """Intervals to try, in columns.
 
-    They lie so close that between two of them no pulse of the K moves by more than the reach of
-    the jitter or one column, whichever is the larger half.
+    They are so close that between two of them none of the K pulses moves by more than the
+    jitter's reach or half a column, whichever is larger.
     """
     middle = interval_s / hop_s
     if k == 1:

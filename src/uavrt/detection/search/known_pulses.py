@@ -10,13 +10,14 @@ from uavrt.detection.search.refine import Measured
 
 _SAME_BINS = 1.5
 _LEAK_SHARE = 0.2
-"""Of a candidate's strength, that the leak of a known pulse must have to explain it."""
+"""Least share of a candidate's strength that a known pulse's leakage must have to explain
+it."""
 
 
 class KnownPulses:
-    """Pulses of confirmed tracks, or of groups just taken.
+    """Pulses of confirmed tracks and of groups just found.
 
-    Of a tag that is heard they explain nearly all that is found.
+    For a tag in reception, they explain nearly all candidates.
     """
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:
@@ -31,10 +32,10 @@ class KnownPulses:
         *,
         reach: int,
     ) -> NDArray[np.bool_]:
-        """Which candidates have one of their pulses from a known one, or its leak.
+        """Find the candidates that contain a known pulse or its leakage.
 
-        `strength` (candidates,): sums of powers, in noise powers.
-        `reach`: columns that a pulse's jitter was looked for to either side.
+        `strength` (candidates,): sums of powers, in noise powers. `reach`: columns on either
+        side searched for a pulse's jitter.
         """
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window

@@ -1,13 +1,13 @@
 """Track sudden rises of the noise: throttle, a transmitter near by.
 
-`uavrt.detection.search.noise` knows each row's noise within some tens of seconds. A rise that
-many rows share is known in a tenth of a second, as all of them show it. Cells are divided by
-that level before any sum, so that a group's quiet and loud pulses weigh what they are worth.
+`uavrt.detection.search.noise` estimates each row's noise over tens of seconds. A rise common to
+many rows is detected within a tenth of a second. Cells are divided by the level before any sum,
+so that pulses in quiet and in loud noise get their proper weight.
 
-Time goes in slots of half a pulse, frequency in bands of one bin. A level is a mean over the
-longest stretch of slots that agrees with all shorter ones (the intersection of confidence
-intervals: Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), looking
-back and ahead separately; where both disagree there is a step, and the louder counts.
+A slot of time is half a pulse, a band of frequency one bin. A level is a mean over the longest
+stretch of slots that agrees with all shorter ones (the intersection of confidence intervals:
+Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6, 1997), backward and forward
+separately; where they disagree there is a step, and the louder one is used.
 """
 
 import math
@@ -21,32 +21,34 @@ from uavrt.detection.search.grid import HOPS_PER_PULSE, ROWS_PER_BIN
 from uavrt.native import kernels
 
 SLOT = HOPS_PER_PULSE // 2
-"""Columns of a slot."""
+"""Columns in a slot."""
 _TRUNCATION = 4.0
 _MEAN = 1.0 - math.exp(-_TRUNCATION)
 """Mean of a unit exponential that is limited to the truncation."""
 _PAST = 80
-"""Slots that are looked back at."""
+"""Past slots that are used."""
 _STRETCHES = (6, 10, 16, 26, 42, 80)
-"""Slots over which a level may be averaged; a step is seen to within the shortest."""
+"""Numbers of slots for averaging a level; a step is located to within the shortest."""
 _MOST_SPLITS = 4
 _SPLIT = 6.5
-"""Least logarithm of the likelihood ratio of two sides that differ."""
+"""Least log-likelihood ratio at which two groups of bands have different levels."""
 _SIGMAS = 2.2
-"""Means that differ by more are of different levels."""
+"""Least difference between means of different levels [standard deviations]."""
 _VARIANCE = 1.5
-"""Of a slot in one bin: windows of two neighbouring slots overlap by half."""
+"""Variance of a slot in one bin, relative to its mean squared; neighbouring windows overlap by
+half."""
 _TRIGGER = 3.0
 """Least deviation at which a steady level is doubted [standard deviations]."""
 _BAND_TRIGGER = 3.6
 _CALM = 11
-"""Slots of the shortest piece that is compared with the level."""
+"""Slots in the shortest piece that is compared with the level."""
 _BURST = 1.7
 """Ratio of a slot to both sides at which it is a strong pulse, not noise."""
 _BURST_SIGMAS = 2.6
-"""Of a single slot, by which three of a weaker pulse stand out."""
+"""Height of a slot above its neighbours that marks a weak pulse in three slots [standard
+deviations]."""
 _BESIDE = (4, 8)
-"""Distance of these sides [slots]. A pulse is in three slots or four."""
+"""Distance of the neighbours of a pulse, which takes three or four slots [slots]."""
 _MEDIAN_SLOTS = 11
 _AHEAD = 10
 _MOST_MARGIN = 0.3
@@ -54,10 +56,10 @@ _SAME = 0.12
 """Relative difference below which levels count as the same."""
 _STAYED = 40
 _LEARNT = 40
-"""Slots that count as known before the first."""
+"""Slots assumed to be known before the first one."""
 _NEARLY = 0.5
 _LEAST = 1e-9
-"""Of a level: a receiver may fall silent."""
+"""Least level, since a receiver may be silent."""
 
 
 @dataclass(slots=True)
@@ -66,21 +68,21 @@ class _Stretch:
 
     first: int
     common: NDArray[np.float32]
-    """(slots,)"""
+    """Common level, (slots,)."""
     bands: NDArray[np.float32] | None
-    """(bands, slots): on top of the common one, where bands differ."""
+    """Level of each band relative to the common one, where bands differ, (bands, slots)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Followed:
-    """Levels that change: to search with, and to measure with."""
+    """Levels that change: for the search, and for measuring."""
 
     divisor: NDArray[np.float32]
-    """(new slots,): common level to search with, what it may err by added."""
+    """(new slots,): common level for the search, including its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots): over that, where bands differ."""
+    """(bands, new slots): relative to that, where bands differ."""
     measured: NDArray[np.float32]
-    """(slots,): common level to measure with."""
+    """(slots,): common level for measuring."""
     measured_bands: NDArray[np.float32] | None
 
 
@@ -89,20 +91,19 @@ class _Levels:
     """Levels of some slots."""
 
     common: NDArray[np.float32]
-    """(slots,)"""
+    """Common level, (slots,)."""
     margin: NDArray[np.float32]
-    """(slots,): what to search with over that, as it is not known exactly."""
+    """(slots,): factor on it for the search, as it is uncertain."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots): over the common one, where bands differ."""
+    """(bands, new slots): relative to the common level, where bands differ."""
 
 
 class Leveller:
-    """Follows the level that the rows of one search share.
+    """Tracks the noise level shared by the rows of one search.
 
-    `keep`: columns whose levels are kept.
-    `steepness`: threshold of the search over K: how much faster than a cell's error false
-    alarms grow.
-    `circular`: whether the last row is the first's neighbour.
+    `keep`: columns whose levels are kept. `steepness`: threshold of the search over K: false
+    alarms grow by this factor faster than a cell's error. `circular`: the last row is adjacent
+    to the first.
     """
 
     def __init__(
@@ -120,25 +121,25 @@ class Leveller:
         self._now = np.ones(count, np.float32)
         """Newest level of each band."""
         self._usual = np.ones(count, np.float32)
-        """The same, averaged for as long as it stayed."""
+        """Level of each band, averaged since its last change."""
         self._stayed = 0
-        """Calls since it changed."""
+        """Calls since that change."""
         # The rows' noise was just learnt from what came before.
         self._past = np.ones((count, _LEARNT), np.float32)
         self._whole = np.ones(_LEARNT, np.float32)
-        """Which slots of the past count: 1 or 0."""
+        """Valid slots of the past: 1 or 0."""
         self._stretches: list[_Stretch] = []
         self.unsteady = False
-        """Whether the level changes, or bands differ."""
+        """True while the level changes, or bands differ."""
         self.uneven = False
 
     @property
     def rows_now(self) -> NDArray[np.float32]:
-        """Newest level of each row, averaged for as long as it stayed, shape (rows,)."""
+        """Level of each row, averaged since its last change, shape (rows,)."""
         return self._usual[self.band_of]
 
     def at(self, row: float, column: float) -> float:
-        """Level at a row and a column (between two: that of the nearer)."""
+        """Level at a row and a column; between two columns, that of the nearer."""
         for stretch in reversed(self._stretches):
             if column >= stretch.first:
                 slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
@@ -158,8 +159,8 @@ class Leveller:
     ) -> None:
         """Divide new columns by their level, in place.
 
-        `noise` (rows,): noise of each row at a level of one.
-        `whole` (columns,): columns without lost samples; None: all.
+        `noise` (rows,): noise of each row at a level of one. `whole` (columns,): columns
+        without lost samples; None: all.
         """
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
@@ -229,7 +230,7 @@ class Leveller:
         self._average()
 
     def _nearly_steady(self, both: NDArray[np.float32]) -> bool:
-        """Whether no level is so far from the newest that its cells are limited wrongly."""
+        """True if all levels are close enough to the newest for the limits on cells to hold."""
         pieces = both.shape[1] // _CALM
         some = both[:, both.shape[1] - pieces * _CALM :]
         common = self._common(some).reshape(pieces, _CALM).mean(axis=1)
@@ -238,7 +239,7 @@ class Leveller:
         return least > _NEARLY * max(float(common.max()), float(bands.max()))
 
     def _average(self) -> None:
-        """Average the newest level with those before, if these were the same."""
+        """Average the newest level with earlier equal ones."""
         self._stayed = min(self._stayed + 1, _STAYED)
         if bool((np.abs(self._now - self._usual) > _SAME * self._usual).any()):
             self._stayed = 1
@@ -263,7 +264,7 @@ class Leveller:
         both: NDArray[np.float32],
         past: int,
     ) -> NDArray[np.float32]:
-        """Means of each band's new cells, limited by what is usual around; (bands, slots)."""
+        """Means of each band's new cells, limited by neighbouring ones; (bands, slots)."""
         lead = min(past, _MEDIAN_SLOTS // 2)
         cells = slots / noise[:, np.newaxis]
         x = self._sums @ cells
@@ -288,10 +289,10 @@ class Leveller:
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
     ) -> _Followed:
-        """Levels of the slots at hand: to search with, and to measure with.
+        """Levels of the present slots, for the search and for measuring.
 
-        A rise among the newest slots may be a strong pulse: searched with as a rise, measured
-        with as a pulse.
+        A rise among the newest slots may be a strong pulse: the search treats it as a rise,
+        measuring as a pulse.
         """
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
@@ -352,7 +353,7 @@ class Leveller:
     def _take_out_bursts(
         self, common: NDArray[np.float32], weights: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Give strong pulses no weight; which of the newest slots may yet be such."""
+        """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
         near, far = _BESIDE
         width = far - near + 1
         # Nothing is known of what comes; before the first slot it was as after it.
@@ -378,7 +379,7 @@ class Leveller:
         end: NDArray[np.intp],
         level: NDArray[np.float64],
     ) -> NDArray[np.float32] | None:
-        """Level of each band over the common one, or None while they are alike."""
+        """Level of each band relative to the common one; None while they are equal."""
         if len(both) < 4:
             return None
         total, sums = _sums(weights), _sums(both * weights)
@@ -389,7 +390,7 @@ class Leveller:
 
 
 def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Sums along the last axis before each index, one more than the values."""
+    """Cumulative sums along the last axis, from zero, one more than the values."""
     zero = np.zeros((*values.shape[:-1], 1))
     return np.concatenate((zero, np.cumsum(values, axis=-1, dtype=np.float64)), axis=-1)
 
@@ -399,8 +400,8 @@ def _longest(
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
     """Mean over the longest stretch back from each slot that agrees with all shorter ones.
 
-    Returns (mean, begin, least), each (slots,): the mean; the first slot of its stretch, which
-    ends with the slot itself; the loudest of the stretches that agree, less its error.
+    Returns (mean, begin, least), each (slots,): the mean; the first slot of the stretch; the
+    largest of the agreeing means less their errors.
     """
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
@@ -432,7 +433,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Stretch of each slot: what lies behind and ahead where they agree; else the louder."""
+    """Stretch of each slot: past and future where they agree; else the louder."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -445,15 +446,18 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their levels differ, and dilate the louder side by one band.
+    """Split the bands where their levels differ, and widen the louder side by one band.
 
-    The split that is likeliest comes first: of means of exponentials over two sides, against
-    one over both, the logarithm of the likelihood grows by the sum of cells × ln(mean).
+    The likeliest split comes first: fitting two means of exponentials instead of one raises the
+    log-likelihood by the sum of cells × ln(mean).
 
     `ratio` (bands, slots): mean of each band over the common level.
-    `n` (slots,): slots that each is a mean of.
-    `circular`: whether the last band is the first's neighbour.
-    Returns: (bands, slots) mean of the segment that each band is in.
+
+    `n` (slots,): number of slots in each mean.
+
+    `circular`: the last band is adjacent to the first.
+
+    Returns (bands, slots): the mean of each band's segment.
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))
@@ -494,7 +498,7 @@ def level_together(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Do as `Leveller.level` for several searches.
+    """Run `Leveller.level` for several searches.
 
     `power` (searches, rows, columns): divided in place.
     """
@@ -552,7 +556,7 @@ def _level_alike(
     first: Sequence[int],
     whole: Sequence[NDArray[np.bool_] | None],
 ) -> None:
-    """Level searches of the same bands, with as many slots behind them; (searches, …)."""
+    """Level searches with the same bands and the same number of past slots; (searches, …)."""
     one = levellers[0]
     columns = power.shape[2]
     cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]
@@ -589,7 +593,7 @@ def _steady(
     members: NDArray[np.float32],
     bins: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Mean level of some searches' slots, and whether it may be that of all; (searches,)."""
+    """Mean level of each search's slots, and whether it may be constant; (searches,)."""
     common = np.matmul(members / members.sum(), both)
     common *= weights
     total = np.maximum(weights.sum(axis=1), np.float32(1.0))

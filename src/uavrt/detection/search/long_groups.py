@@ -1,8 +1,8 @@
 """Search for groups of many pulses: try every cell as the last pulse.
 
-With K = 9 and more, one cell in ten is above T/K, so anchors would not narrow the search. The
-maximum over the jitter is taken once for all cells, and of the long past only columns where a
-pulse may lie are read: 0.3 of the time for K = 40.
+With K = 9 and more, one cell in ten exceeds T/K, so anchors would not narrow the search. The
+maximum over the jitter is computed once for all cells, and of the past only columns that may
+contain a pulse are read: 0.3 of the time for K = 40.
 """
 
 import math
@@ -16,8 +16,7 @@ from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
 from uavrt.detection.search.thresholds import LEAST_POWER
 
 _CANDIDATES_AT_ONCE = 8
-"""Measuring one takes up to 10 ms. Every row around a tag of 50 dB made candidates for each
-interval: steps of 5 s."""
+"""Most candidates measured at once, since each takes up to 10 ms; a tag of 50 dB makes many."""
 
 
 class LongSearch(RateSearch):
@@ -26,14 +25,15 @@ class LongSearch(RateSearch):
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
         self._backs = self._offsets[0].tolist()
-        """(k, intervals): columns from a pulse to the last, those of the last first."""
+        """(k, intervals): columns back from the last pulse to each pulse, the last one
+        first."""
         self._cells = np.zeros((self.span + self.piece + 2, self.rows), np.float32)
-        """Maxima over the jitter, a ring: column c lies at c modulo the length."""
+        """Ring of maxima over the jitter; column c is at c modulo the length."""
         self._tail = np.zeros((self.rows, 0), np.float32)
         self._searched = 0
 
     def begin_at(self, column: int) -> None:
-        """Begin in mid-stream: the first column that will be pushed is this one."""
+        """Begin in mid-stream: this is the number of the first column."""
         super().begin_at(column)
         self._searched = self.columns
 
@@ -63,7 +63,7 @@ class LongSearch(RateSearch):
         return self._search_dense(noise)
 
     def _pass_on(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> None:
-        """Hand over new cells that are strong, the tops of their rows in time."""
+        """Pass new strong cells on: the maxima in time of their rows."""
         row, column = np.nonzero(power >= LEAST_POWER * noise[:, np.newaxis])
         if not len(row):
             return
@@ -80,9 +80,10 @@ class LongSearch(RateSearch):
         )
 
     def _search_dense(self, noise: NDArray[np.float32]) -> list[Candidate]:
-        """Every cell as the last pulse, every interval: for many pulses in a small volume.
+        """Try every cell as the last pulse with every interval: for many pulses in a small
+        volume.
 
-        Of the long past only columns where a pulse may lie are looked at: at K = 40 a third.
+        Only columns that may contain a pulse are read: a third at K = 40.
         """
         done, upto = self._searched, self.columns
         self._searched = upto
@@ -151,7 +152,7 @@ class LongSearch(RateSearch):
 
 
 def _tops(strength: NDArray[np.float32]) -> list[int]:
-    """Rows that are the strongest within a bin to either side, the strongest few."""
+    """Strongest rows within a bin to either side, a few at most."""
     padded = np.pad(strength, ROWS_PER_BIN)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * ROWS_PER_BIN + 1)
     tops = np.flatnonzero((strength > 0.0) & (strength >= around.max(axis=1)))

@@ -1,8 +1,8 @@
-"""Noise power of each row, on the very statistic that is searched.
+"""Noise power of each row, estimated from the same statistic that is searched.
 
-The original estimates noise in whole bins and interpolates to the half bins between; a carrier
-on a whole bin is then seen by the half bins but not by their threshold, and every segment is a
-false alarm. Here each row looks after itself.
+The original estimates noise in whole bins and interpolates to the half bins; a carrier on a
+whole bin then raises the half bins but not their threshold, and every segment gives a false
+alarm. Here each row is estimated separately.
 """
 
 import math
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from uavrt.dsp.sliding_medians import medians
 
 TRUNCATION = 4.0
-"""Ratio to the noise above which cells are no noise: 1.8 % of noise, all of a pulse."""
+"""Ratio to the noise above which cells are excluded: 1.8 % of noise, all of a pulse."""
 _KEPT = 1.0 - math.exp(-TRUNCATION)
 _KAPPA = 1.0 - TRUNCATION * math.exp(-TRUNCATION) / _KEPT
 """Mean of a unit exponential below the truncation (0.925)."""
 _SLOPE_GAIN = 1.31
-"""One over one minus the slope of the fixed point: what a step must be multiplied by."""
+"""Inverse of one minus the slope of the fixed-point iteration: factor on a step."""
 LONG_S = 20.0
 """Time constant of the steady estimate."""
 SHORT_S = 1.0
@@ -29,25 +29,25 @@ SHORT_S = 1.0
 RISE = 2.2
 """Ratio at which a short-term noise replaces the long-term one (3 % of pulses give 1.3)."""
 _RISEN = math.exp(-TRUNCATION / RISE)
-"""Share of the cells above the truncation at that rise."""
+"""Share of the cells above the truncation after such a rise."""
 _SETTLE_S = 2.0
 _YOUNG_S = 8.0
 _YOUNG_REACH = 24
-"""Wider while there is little to average: an error of 5 % doubles the false alarms."""
+"""Rows on each side while few data exist: an error of 5 % doubles the false alarms."""
 _FLAT = 1.2
-"""Spread of the medians over their error up to which a spectrum passes for flat. A tilt that
-this overlooks, 0.4 dB over the band, errs no more than the medians did."""
+"""Ratio of the medians' spread to their error up to which a spectrum counts as flat. A tilt of
+0.4 dB over the band may be missed, no more than the medians' error."""
 _STEEP = 4.0
-"""Difference of the medians at both ends of a row's neighbours that makes an edge, in errors,
-if it is more than 0.7 dB. Not if all rows lie on a line: there the median is right."""
+"""Difference of the medians on both sides of a row that marks an edge [errors], if above 0.7
+dB; not if all rows lie on a line, where the median is right."""
 _LEAST_STEEP = 0.15
 _EDGE_FLAT = 1.5
-"""Spread of the rows on one side over a row's error, up to which that side is flat."""
+"""Spread of the rows on one side over a row's error up to which that side is flat."""
 _RAGGED_SIGMAS = 0.5
-"""With hum a line every 100 Hz: halfway between two there is 3 to 5 % more noise than the
-median of the rows, and there were 3.4 times the false groups."""
+"""Uncertainty between hum lines [standard deviations]: 3 to 5 % more noise than the median,
+which gave 3.4 times the false groups."""
 _USUAL_THRESHOLD = 25.0
-"""Noise powers that make a group, for what an uncertain noise does to the false alarms."""
+"""Typical threshold [noise powers], for the effect of uncertain noise on false alarms."""
 _NEIGHBOUR_REACH = 8
 """Rows on each side (two bins) whose median is the broadband noise."""
 
@@ -55,7 +55,7 @@ _NEIGHBOUR_REACH = 8
 def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Fixed-point step of the truncated mean, and the share of the cells that were kept."""
+    """Fixed-point step of the truncated mean, and the share of cells kept."""
     kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
     columns = power.shape[-2]
     ones = np.ones(columns, np.float32)
@@ -68,7 +68,7 @@ def _truncated(
 
 @lru_cache(maxsize=64)
 def _neighbours(rows: int, reach: int, mode: Literal["wrap", "reflect"]) -> NDArray[np.intp]:
-    """Which rows lie around each, shape (rows, 2 × reach + 1)."""
+    """Indices of the rows around each row, shape (rows, 2 × reach + 1)."""
     padded = np.pad(np.arange(rows), reach, mode=mode)
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).copy()
 
@@ -78,11 +78,10 @@ def _beside_an_edge(
 ) -> NDArray[np.float32]:
     """Noise of rows where the spectrum is steep.
 
-    The median over both sides of a corner is the lowest of the rows on its flat side: 2 to 3.5
-    times the false alarms asked for. Where one side is flat and the row belongs to it that side
-    alone counts; on the slope itself the nearest rows, and what they do not know is added.
-
-    `around` (steep, 2 × reach + 1): the rows on both sides of each.
+    At a corner, the median of both sides is the lowest of the flat side: 2 to 3.5 times the
+    nominal false alarms. If one side is flat and includes the row, only that side is used; on
+    the slope itself, the nearest rows and their uncertainty. `around` (steep, 2 × reach + 1):
+    the rows on both sides of each.
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -100,10 +99,10 @@ def _beside_an_edge(
 
 
 class RowNoise:
-    """Noise power of each row, followed over time.
+    """Tracks the noise power of each row.
 
-    `independent_per_s`: independent cells a row has in a second: one over the pulse width.
-    `circular`: whether the last row is the first's neighbour.
+    `independent_per_s`: independent cells of a row per second, the inverse of the pulse width.
+    `circular`: the last row is adjacent to the first.
     """
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
@@ -116,32 +115,32 @@ class RowNoise:
         self._settled_s = 0.0
         self._level: NDArray[np.float32] = np.ones(1, np.float32)
         self.only_rises = False
-        """Whether rows are louder now than usually, not all by as much: what is taken off each
-        is a little too much near an edge, and must not be learnt."""
+        """True while the rows' present rises differ; their estimates, biased near edges, are
+        then not learnt."""
         self.ragged = False
-        """Whether many lines are taken out of the samples, and noise with each: the rows
-        between them then have more than the median of all."""
+        """True while many spectral lines are removed, which lowers their noise: the rows
+        between them then exceed the median."""
 
     @property
     def ready(self) -> bool:
-        """Whether there is an estimate."""
+        """True once there is an estimate."""
         return self._long is not None
 
     @property
     def level(self) -> NDArray[np.float32]:
-        """Noise power of each row, shape (rows,): the one that the search divides by."""
+        """Noise power of each row by which the search divides, shape (rows,)."""
         return self._level
 
     @property
     def relative_error(self) -> float:
-        """Standard deviation of a row's level over the level, in white noise."""
+        """Relative standard deviation of a row's level in white noise."""
         seconds = min(self._seen_s, 2.0 * LONG_S)
         pooled = 1.0 if self._long is None else 2.0 * self._reach(len(self._long)) + 1.0
         # Rows a quarter of a bin apart and their median: measured, as good as one in five.
         return 1.13 / math.sqrt(max(self._independent_per_s * seconds * pooled / 5.0, 1.0))
 
     def start(self, power: NDArray[np.float32]) -> None:
-        """Make the first estimate from all the columns at hand."""
+        """Make the first estimate from all the present columns."""
         noise = medians(power) / np.float32(math.log(2.0))
         noise = np.maximum(noise, np.float32(1e-30))
         for _ in range(6):
@@ -153,7 +152,7 @@ class RowNoise:
         self._settle()
 
     def take_over(self, other: "RowNoise", level: NDArray[np.float32]) -> None:
-        """Continue where another estimate, of more rows, stands.
+        """Continue from another estimate with more rows.
 
         `level` (rows,): its level at the rows of this one.
         """
@@ -162,7 +161,7 @@ class RowNoise:
         self._seen_s, self._settled_s = other._seen_s, other._settled_s
 
     def update(self, power: NDArray[np.float32]) -> None:
-        """Follow the noise with new columns, shape (columns, rows)."""
+        """Update the noise with new columns, shape (columns, rows)."""
         if self._long is not None and len(power):
             update_together([self], power[np.newaxis])
 
@@ -174,7 +173,7 @@ class RowNoise:
         *,
         risen: bool,
     ) -> bool:
-        """Add new averages; whether the level is to be made again from them."""
+        """Add new averages; return whether the level must be recomputed."""
         self._long, self._exceeding = long, exceeding
         self._seen_s += span_s
         if not risen:
@@ -191,7 +190,7 @@ class RowNoise:
         return False
 
     def _settle(self) -> None:
-        """Take the median of the neighbours where a row does not stand out from it."""
+        """Replace a row's estimate by its neighbours' median where it does not stand out."""
         assert self._long is not None
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
@@ -217,7 +216,7 @@ class RowNoise:
 
     @property
     def _mode(self) -> Literal["wrap", "reflect"]:
-        """What lies beyond the last row: a mirror, for itself repeated is its own median."""
+        """Padding beyond the last row: mirrored, as a repeated row is its own median."""
         return "wrap" if self._circular else "reflect"
 
     @property
@@ -243,7 +242,7 @@ class RowNoise:
         return smooth
 
     def _straight(self, smooth: NDArray[np.float32], reach: int) -> NDArray[np.float32] | None:
-        """One line in decibels for all rows, if the medians are on it; else None."""
+        """Fit one line in decibels to all rows; None if the medians are not on it."""
         assert self._long is not None
         rows = np.arange(len(smooth), dtype=np.float64)
         # At the ends of a channel the medians take in what lies across the edge.
@@ -265,7 +264,7 @@ class RowNoise:
 
 
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
-    """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
+    """Run `RowNoise.update` for several bands with equal rows.
 
     `power` (noises, columns, rows): new columns, at least one.
     """

@@ -1,9 +1,8 @@
-"""How often the noise at hand makes groups: the same search on lattices that no tag has.
+"""Measure how often the present noise makes groups, on lattices that no tag has.
 
-Thresholds are calculated for white noise. Noise of another kind (bursts of the mains, a
-neighbour that is keyed, hum) makes more groups; how many more is counted on intervals shorter
-than the tag's by more than it may err. Nothing is assumed of the noise but that it does not
-know the tag's interval.
+Thresholds are computed for white noise. Other noise (mains bursts, a keyed transmitter, hum)
+makes more groups; the excess is counted at intervals shorter than the tag's by more than its
+uncertainty. The only assumption is that the noise is not related to the tag's interval.
 """
 
 import math
@@ -13,39 +12,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEVEL = 0.93
-"""Share of the threshold in force at which groups are counted: often enough to be counted in
-some ten seconds, and so near the threshold that they come as those that reach it. At 0.85
-sparks that vary made 1.5 times the false groups asked for: their tail falls slowly."""
+"""Share of the present threshold at which groups are counted: they are then frequent enough to
+count within ten seconds, yet close to those that reach the threshold. At 0.85, varying sparks
+made 1.5 times the nominal false groups, because their tail falls slowly."""
 _SHORTEST, _LONGEST = 0.58, 0.86
-"""Intervals of the lattices over the tag's: two of the shortest are no interval of the tag."""
+"""Range of the lattices' intervals relative to the tag's; two of the shortest exceed the
+tag's."""
 _LATTICES = 12
 _GAIN = 0.08
-"""Noise powers that a group adds to the count."""
+"""Noise powers added to the count by each group."""
 _CHANCE = 0.4
-"""Count that white noise reaches by chance: only what is more raises the threshold."""
+"""Count that white noise reaches by chance; only the excess raises the threshold."""
 _MOST_SHARE = 0.85
-"""Most of the largest sum, K cells at their limit, that is asked for: strong pulses of other
-transmitters are counted as well, and must not hide a strong tag."""
+"""Highest threshold as a share of the largest sum, K cells at their limit: strong pulses of
+other transmitters are counted, too, and must not hide a strong tag."""
 _TOLERATED = 1.6
-"""Groups counted over those of white noise that leave the threshold where it is."""
+"""Ratio of counted groups to those of white noise up to which the threshold is unchanged."""
 _TOLERATED_COLOURED = 1.2
-"""The same while the noise is known not to be white: then an excess is hardly chance."""
+"""The same ratio while the noise is known to be coloured: an excess is then hardly chance."""
 _WHITE_K = np.log(np.array([2.0, 3.0, 5.0, 8.0]))
 _WHITE = np.array([0.51, 0.68, 1.03, 1.09])
-"""Groups counted in white noise over those that the tail of a sum says, by K: measured. An
-anchor is a Kth of the threshold, and a step counts once on a lattice."""
+"""Ratio of counted groups in white noise to the computed tail, by K: measured."""
 Test = Callable[[NDArray[np.intp], int], bool]
-"""Whether anchors at hand make a group at the level on a lattice: `lows` of its other pulses,
-and columns by which its interval is shorter than the tag's."""
+"""Tests whether present anchors make a group at the level on a lattice: `lows` of its other
+pulses, and columns by which its interval is shorter than the tag's."""
 
 
 class NullLattices:
-    """Counts the groups of one search that lie on lattices of no tag.
+    """Counts the groups of one search on lattices that no tag has.
 
-    `lows` (places, k - 1): columns from an anchor in each place to the stretches where the
-    other pulses may lie.
-    `expected_per_column`: groups of white noise at `LEVEL` of the threshold, on one lattice.
-    `threshold`, `limit`: of a sum and of a cell in it, in noise powers.
+    `lows` (places, k - 1): columns from an anchor in each place to the stretches of the other
+    pulses. `expected_per_column`: groups of white noise at `LEVEL` of the threshold, on one
+    lattice. `threshold`, `limit`: of a sum and of a cell in it, in noise powers.
     """
 
     def __init__(
@@ -66,13 +64,13 @@ class NullLattices:
         white = float(np.interp(math.log(k), _WHITE_K, _WHITE))
         self._white_per_column = white * expected_per_column
         self.coloured = False
-        """Whether the noise is known not to be white."""
+        """True while the noise is known to be coloured."""
         self._most = max(0.0, _MOST_SHARE * k * limit - threshold)
         self._more = 0.0
-        """Noise powers counted, the first few by chance."""
+        """Noise powers counted, less the first few due to chance."""
 
     def count(self, columns: int, test: Test | None) -> None:
-        """Count the groups that new columns complete, and move the threshold.
+        """Count the groups that new columns complete, and adjust the threshold.
 
         `test`: None: there are no anchors.
         """
@@ -82,5 +80,5 @@ class NullLattices:
         self._more = min(max(0.0, self._more + _GAIN * beyond), self._most + _CHANCE)
 
     def factor(self, threshold: float) -> float:
-        """What to multiply a threshold by for as many false groups as in white noise."""
+        """Factor on a threshold that gives as many false groups as white noise."""
         return 1.0 + max(0.0, self._more - _CHANCE) / threshold

@@ -1,4 +1,4 @@
-"""The searches of a tag's rates, each with its thresholds."""
+"""Make the searches for a tag's rates, each with its thresholds."""
 
 import math
 
@@ -19,8 +19,8 @@ from uavrt.detection.search.thresholds import (
 from uavrt.messages import Tag
 
 _FIRST_SHARE = 0.8
-"""Share of the groups that could have begun in the first decision's stretch that count:
-calibrated. A group near its ends has places before the first sample or after the last."""
+"""Share of the groups that can begin in the first decision's stretch: calibrated. Groups near
+its ends extend beyond the samples."""
 _LONG_FROM_K = 9
 
 

@@ -23,20 +23,22 @@ TRACK_BAND_HZ = 20.0
 """How far a followed pulse may lie from its track [Hz]."""
 _NEWTON_STEPS = 3
 _BURST = 9.0
-"""Standard deviations of a quarter window's noise energy that make a burst."""
+"""Excess of a quarter window's energy that marks a burst [standard deviations of noise]."""
 _BURST_SHARE = 0.65
 _WIDE = 6.0
 """Excess of energy at which a window's spectrum is checked [standard deviations of noise]."""
 _BESIDE_WINDOWS = 4.0
-"""Windows before a pulse, and after it, whose median power is the noise around it; bursts of a
+"""Pulse widths before and after a pulse whose median power is the noise around it; bursts of a
 pulse or two do not change it."""
 _BREAKS = (0.25, 0.5, 0.75)
-"""Where in a pulse its phase may break."""
+"""Positions in a pulse where its phase may break."""
 _BROKEN = 3.5
-"""Noise powers that a break anywhere gives to the strongest of a place: as often as without."""
+"""Gain in power from allowing a phase break [noise powers]; subtracted to keep the false
+alarms."""
 _LOSING_S = 0.3
 _NARROW_SHARE = 0.35
-"""Of a window's energy one row holds all of a pulse, 0.1 to 0.3 of a burst of noise."""
+"""Share of a window's energy in its strongest row below which it is no pulse; noise bursts have
+0.1 to 0.3."""
 
 
 @dataclass(slots=True)
@@ -50,11 +52,11 @@ class Measured:
     power: float
     """Matched-filter power over the noise power: ENR + 1 on average."""
     noise: float
-    """Noise power of one sample at its frequency."""
+    """Noise power of one sample at the pulse's frequency."""
     contrast: float
     """Power over the mean power of the windows around the pulse (1.5 to 3 widths away)."""
     received: float = 1.0
-    """Share of its samples that were not lost; `power` is that of these."""
+    """Share of its samples that were not lost; `power` refers to these."""
 
     @property
     def enr(self) -> float:
@@ -63,7 +65,7 @@ class Measured:
 
 
 def timing_error_s(width_s: float, power: float) -> float:
-    """Standard deviation of the time that is measured of a pulse, for its power."""
+    """Standard deviation of a pulse's measured time, for its power."""
     return 0.08 * width_s * math.sqrt(20.0 / max(power, 4.0))
 
 
@@ -75,9 +77,9 @@ class Refiner:
         self._buffer = buffer
         self._window = grid.window
         self.upto = 0
-        """Index after the last sample that is clean."""
+        """Index after the last clean sample."""
         self.leveller: Leveller | None = None
-        """How loud the noise was at each time; None: always as loud."""
+        """Noise level at each time; None: constant."""
         self._moments = _moments(grid.window)
         self._bin_hz = grid.sample_rate_hz / grid.window
         offsets = grid.offsets_hz
@@ -172,13 +174,12 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse in whose middle samples are missing: its phase breaks there.
+        """Find a pulse in whose middle samples are missing, so that its phase breaks there.
 
-        `start`: expected index of its first sample.
-        `half_width`, `offset_hz`, `half_band_hz`, `noise`, `spread`: as of `search`.
-        Returns: with the frequency asked for, as a broken pulse does not show it, and with what
-        the freedom of the phase gives to noise taken off its power. None when the samples are
-        not there.
+        `start`: expected index of its first sample. `half_width`, `offset_hz`, `half_band_hz`,
+        `noise`, `spread`: as in `search`. Returns the pulse at the given frequency, which a
+        broken pulse does not show, with its power reduced by the gain from the free phase. None
+        without the samples.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -216,7 +217,7 @@ class Refiner:
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """Get the factor on the power of the window that begins at an index; see `weights`."""
+        """Get the factor on the power of the window at an index; see `weights`."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 
@@ -230,10 +231,9 @@ class Refiner:
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
         """Matched-filter power at many starts and some frequencies.
 
-        `first` (pulses,): first start of each pulse.
-        Returns (power, shift): (pulses, frequencies, count), or None when fewer samples are
-        kept than one such stretch; (pulses,), how much later than asked each begins, for a
-        stretch that is not there is moved.
+        `first` (pulses,): first start of each pulse. Returns (power, shift): (pulses,
+        frequencies, count), or None if fewer samples are kept than one stretch; (pulses,), by
+        how much each stretch was moved to available samples.
         """
         length = self._window + count - 1
         latest = self.upto - length
@@ -269,7 +269,7 @@ class Refiner:
         offset_hz: float,
         turns: NDArray[np.complex128],
     ) -> NDArray[np.complex128]:
-        """Sums of the samples before each, turned back by frequencies around one."""
+        """Cumulative sums of the samples, shifted down by the given frequencies."""
         stretch = np.stack([self._buffer.view(int(a), int(a) + length) for a in first])
         radian = -2j * np.pi / self._grid.sample_rate_hz * offset_hz
         still = stretch * np.exp(radian * np.arange(length))
@@ -278,7 +278,7 @@ class Refiner:
         return sums
 
     def _polish(self, start: int, offset_hz: float, noise: NDArray[np.float32]) -> Measured:
-        """Refine the frequency at a fixed time, then the time between samples."""
+        """Refine the frequency at a fixed time, then the time to a fraction of a sample."""
         window, rate = self._window, self._grid.sample_rate_hz
         x = self._buffer.view(start, start + window).astype(np.complex128)
         n = self._moments[1].real
@@ -313,10 +313,10 @@ class Refiner:
 
     @contextmanager
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
-        """Take known pulses out of the samples for a while.
+        """Remove known pulses from the samples within this context.
 
-        `pulses`: each is subtracted with the amplitude that fits best at its time and
-        frequency. A start off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
+        `pulses`: each is subtracted with the best-fitting amplitude at its time and frequency.
+        A start off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
         """
         buffer = self._buffer
         before = []
@@ -354,10 +354,10 @@ class Refiner:
         return pulse.power / max(mean, 0.05)
 
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
-        """Whether the energy lies in a quarter of the window or in many rows: no pulse.
+        """True for an impulse: the energy is in a quarter of the window or in many rows.
 
-        `floor`: mean power of a sample without pulses, as it is now; around the pulse, if
-        that is more.
+        `floor`: mean power of a sample without pulses; the power around the pulse is used if
+        larger.
         """
         if not self._looks_like_impulse(pulse, floor):
             return False
@@ -365,7 +365,7 @@ class Refiner:
         return around <= floor or self._looks_like_impulse(pulse, around)
 
     def _floor_beside(self, pulse: Measured) -> float:
-        """Mean power of a sample around a pulse: if before and after differ, what it was at."""
+        """Mean power around a pulse; if before and after differ, that at the pulse."""
         window, buffer, start = self._window, self._buffer, round(pulse.start)
         sides = []
         for near, far in ((-_BESIDE_WINDOWS, -0.5), (1.5, 1.0 + _BESIDE_WINDOWS)):
@@ -403,12 +403,10 @@ class Refiner:
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
-        """Frequency and power of the strongest row of the whole channel at a pulse's time.
+        """Frequency and power of the strongest row in the whole channel at a pulse's time.
 
-        Windows half a pulse earlier and later count too: of a strong pulse that they cut, the
-        leakage is as large as that of the whole.
-
-        Returns: `power`: in units of the noise at the pulse.
+        Windows half a pulse earlier and later are included: the leakage of a strong pulse cut
+        by them is as large as that of the whole. Power is in units of the noise at the pulse.
         """
         window, buffer = self._window, self._buffer
         half = window // 2
@@ -431,7 +429,7 @@ class Refiner:
 def _turns(
     rate_hz: float, half_band_hz: float, count: int, length: int
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Frequencies around zero, and how waves of them turn, shape (count, length)."""
+    """Frequencies around zero, and their complex exponentials, shape (count, length)."""
     frequencies = np.linspace(-half_band_hz, half_band_hz, count)
     radians = (-2j * np.pi / rate_hz) * frequencies[:, np.newaxis] * np.arange(length)
     return frequencies, np.exp(radians)

@@ -1,13 +1,11 @@
 """Spectrograms of several tags at once.
 
-Tags of equal pulse width and search window share the transform, for their narrow bands are
-shifted to put each tag at zero. Four are transformed at once: more would not stay in a cache of
-1 MB.
-
-With the tag at zero, each window is split into sums and differences of samples that mirror each
-other around its middle; two real matrix products then give the rows at + f and - f together,
-with a quarter of the multiplications of one complex product. The complex product remains where
-rows are not symmetric: at a channel's edge, or when the whole channel is searched.
+Tags with equal pulse width and search window share the transform, since their narrow bands are
+shifted to put each tag at zero. Four at once fit a cache of 1 MB. With the tag at zero, each
+window is split into sums and differences of samples that mirror each other around its middle;
+two real matrix products then give the rows at + f and - f together, with a quarter of the
+multiplications of one complex product. The complex product remains where rows are not
+symmetric: at a channel's edge, or when the whole channel is searched.
 """
 
 import math
@@ -22,13 +20,13 @@ _TAGS_AT_ONCE = 4
 
 
 class Workspace:
-    """Arrays that are used again: fresh ones of this size cost a page fault each 4 kB."""
+    """Reusable arrays: new ones of this size cost a page fault per 4 kB."""
 
     def __init__(self) -> None:
         self._arrays: dict[str, NDArray[np.float32]] = {}
 
     def take(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Get an array of any content, valid until the same name is taken again."""
+        """Get an array of arbitrary content, valid until the same name is requested again."""
         size = math.prod(shape)
         kept = self._arrays.get(name)
         if kept is None or kept.size < size:
@@ -37,7 +35,7 @@ class Workspace:
 
 
 def columns_ahead(spectrogram: Spectrogram, samples: int) -> int:
-    """How many columns a number of channel samples from `needed` on complete."""
+    """Number of columns completed by so many channel samples from `needed` on."""
     grid = spectrogram.grid
     assert grid.filter is not None
     stride = OUTPUTS_PER_ROW * grid.decimation
@@ -51,11 +49,11 @@ def push_together(
     stretches: Sequence[NDArray[np.complex64]],
     workspace: Workspace,
 ) -> NDArray[np.float32]:
-    """Take channel samples of each, from index `needed` on.
+    """Add channel samples of each, from index `needed` on.
 
-    `spectrograms`: their grids have the same `halves`; as many samples are carried in each.
-    `stretches`: all of one length, for at least one column.
-    Returns: (spectrograms, rows, columns) the new columns' power, in the workspace.
+    `spectrograms`: with the same `halves` and the same number of carried samples. `stretches`:
+    of equal length, for at least one column. Returns the new columns' power (spectrograms,
+    rows, columns), in the workspace.
     """
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))

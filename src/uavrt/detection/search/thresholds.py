@@ -1,13 +1,13 @@
-"""Thresholds from a formula with a calibrated factor: ready at the first sample.
+"""Thresholds from a formula with a calibrated factor: available at the first sample.
 
-The expected number of false groups in a decision interval is the number of effective
-hypotheses times the chance that one of them passes; the chance is the tail of a sum of one
-exponential (the anchor) and K - 1 maxima over the jitter, each limited.
+The expected number of false groups in a decision interval is the number of effective hypotheses
+times the chance that one of them passes; the chance is the tail of a sum of one exponential
+(the anchor) and K - 1 maxima over the jitter, each limited.
 
-The search begins as soon as a threshold can be reached (1 s at K = 3) with the noise heard so
-far, measured again with each batch until 2.5 s, and a threshold raised by 1 + T (s² - s0²) / 2
-for the error s of that noise, s0 being the error after 2.5 s. Waiting for 2.5 s would report a
-tag that is already sending up to 1.35 s after its last pulse, where 0.5 s are allowed.
+The search begins as soon as a threshold can be reached (1 s at K = 3). Until 2.5 s, the noise
+is measured again with each batch, and the threshold raised by 1 + T (s² - s0²) / 2 for its
+error s, s0 being the error after 2.5 s. Waiting for 2.5 s would report a tag that is already
+sending up to 1.35 s after its last pulse, where 0.5 s are allowed.
 """
 
 import math
@@ -19,23 +19,23 @@ from uavrt.detection.search.hypotheses import CELL_LIMIT
 from uavrt.messages import Tag
 
 LEAST_POWER = 13.0
-"""Of a burst: noise reaches it once in six seconds in a channel of 3.75 kHz."""
+"""Least power of a burst; noise reaches it each six seconds in a channel of 3.75 kHz."""
 _STEP = 0.01
 _ORIGINAL_RATE_HZ = 3750.0
 _NINE_OF_TEN = 1.2816
 """Quantile of the normal distribution."""
 _LEAST_BEGUN = 0.25
-"""Least share of an interval in which a group can have begun; up to K = 40 it is more."""
+"""Least share of an interval in which a group can begin; larger up to K = 40."""
 USUAL_NOISE_ERROR = 0.033
 """Relative error of the noise after 2.5 s, with which the factors below were calibrated."""
 
 
 def decision_interval_s(tag: Tag, rate: int = 1) -> float:
-    """New time that the original consumed for each decision: the unit of the false alarms.
+    """Time between decisions of the original, the reference for false-alarm rates.
 
-    Reference/detector.md §0 and §3: with hops of half a pulse at 3750 S/s a segment is
-    K (N + M) + J + 1 columns of which 2 (K M + J) are seen again; 3.567 s for the thesis's tag
-    at K = 3.
+    Reference/detector.md §0 and §3: with hops of half a pulse at 3750 S/s a segment is K (N +
+    M) + J + 1 columns of which 2 (K M + J) are seen again; 3.567 s for the thesis's tag at K =
+    3.
     """
     k = tag.k
     window = math.ceil(tag.pulse_width_s * _ORIGINAL_RATE_HZ - 1e-9)
@@ -49,16 +49,16 @@ def decision_interval_s(tag: Tag, rate: int = 1) -> float:
 
 
 def decision_span_s(tag: Tag, rate: int = 1) -> float:
-    """Length of the stretch in which the original takes one decision: K pulses are certain."""
+    """Length of the stretch for one decision of the original, which surely holds K pulses."""
     overlap_s = 2.0 * (tag.k * tag.interval_uncertainty_s + tag.interval_jitter_s)
     return decision_interval_s(tag, rate) + overlap_s
 
 
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
-    """Length of the stretch in which a group of the first decision can have begun.
+    """Length of the stretch in which a group of the first decision can begin.
 
-    The original's steps are whole columns, of which K pulses of a tag with small uncertainties
-    round away up to a millisecond each; from K = 60 on nothing would be left.
+    The original's steps are whole columns, which for tags with small uncertainties round away
+    up to a millisecond per pulse; from K = 60 on nothing would be left.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
@@ -97,9 +97,9 @@ def group_tail(k: int, spread: float, threshold: float) -> float:
 
 _FACTOR_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
 _FACTOR_LOG = np.log(np.array([19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0]))
-"""Effective hypotheses of one independent cell and interval, by K: calibrated."""
+"""Effective hypotheses per independent cell and interval, by K: calibrated."""
 _INTERVAL_POWER = np.array([1.0, 1.40, 1.40, 1.42, 1.36, 1.57, 1.60, 1.60])
-"""Power with which the number of intervals counts, by K: calibrated."""
+"""Exponent of the number of intervals, by K: calibrated."""
 
 
 def effective_hypotheses(
@@ -124,7 +124,7 @@ def effective_hypotheses(
 
 
 def spread(*, reach_s: float, pulse_width_s: float) -> float:
-    """How many independent exponentials a maximum over the jitter is worth."""
+    """Number of independent exponentials equivalent to a maximum over the jitter."""
     return 1.0 + 2.5 * 2.0 * reach_s / pulse_width_s
 
 
@@ -142,11 +142,11 @@ def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float
 
 
 def young_margin(threshold: float, noise_error: float) -> float:
-    """What to multiply a threshold by while the noise is known worse than usually.
+    """Factor on a threshold while the noise estimate is less accurate than usual.
 
-    A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by
-    exp((T s)^2 / 2); a factor 1 + T s^2 / 2 makes up for it. The calibrated factors have the
-    usual error's share in them.
+    A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by exp((T
+    s)^2 / 2); a factor 1 + T s^2 / 2 compensates. The calibrated factors include the usual
+    error.
     """
     more = max(0.0, noise_error**2 - USUAL_NOISE_ERROR**2)
     return 1.0 + 0.5 * threshold * more
@@ -155,7 +155,7 @@ def young_margin(threshold: float, noise_error: float) -> float:
 def weakest_enr_db(k: int, threshold: float) -> float:
     """ENR [dB] of K equal pulses whose sum reaches a threshold in nine groups of ten.
 
-    A pulse's cell has the mean 1 + E and the variance 1 + 2 E; their sum is taken as normal.
+    A pulse's cell has mean 1 + E and variance 1 + 2 E; their sum is approximated as normal.
     """
     # With x = 1 + 2 E: K (x + 1) / 2 - z sqrt(K x) = threshold, a square equation in sqrt(x).
     half = _NINE_OF_TEN / math.sqrt(k)

@@ -1,7 +1,6 @@
-"""Put the samples of a channel in order, clean them, and measure pulses in them.
+"""Order the samples of a channel, clean them, and measure pulses in them.
 
-`block_order` sorts blocks, `samples` buffers the recent ones and their gaps,
-`signal_cleaning` and `carrier_lines` remove impulses and carriers, `whitening` and `sparks`
-make the noise white and steady, `occupancy` measures how much of the time a frequency is
-usable, `refine` measures a pulse.
+`block_order` sorts blocks, `samples` buffers the recent ones and their gaps, `signal_cleaning`
+and `carrier_lines` remove impulses and carriers, `whitening` and `sparks` make the noise white
+and steady, `occupancy` measures how much of the time a frequency is usable.
 """

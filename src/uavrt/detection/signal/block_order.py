@@ -11,13 +11,12 @@ from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
 REORDER_S = 0.1
-"""So long the search waits for a block that another has overtaken: one block of a flight, and
-as long as only one block has come since."""
+"""Longest wait for a block that was overtaken by one later block [s]."""
 _BLOCKS_KNOWN = 64
 
 
 class LongestBlock:
-    """How long the next block may be: as the longest of the 64 to 128 before it."""
+    """Upper bound of the next block's length: the longest of the previous 64 to 128."""
 
     def __init__(self) -> None:
         self.length = 0
@@ -26,7 +25,7 @@ class LongestBlock:
         self._count = 0
 
     def note(self, length: int) -> None:
-        """Take the length of a block."""
+        """Add the length of a block."""
         self._count += 1
         if self._count == _BLOCKS_KNOWN:
             self._before, self._lately, self._count = self._lately, 0, 0
@@ -58,20 +57,20 @@ class Intake:
         self._rate_hz = sample_rate_hz
         self._counters = counters
         self.stale_blocks = 0
-        """Blocks of the past in a row."""
+        """Consecutive blocks from the past."""
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Clear all samples."""
         self.buffer.clear()
         self.stale_blocks = 0
 
     def admit(
         self, samples: NDArray[np.complex64], time_ns: int, *, after: int
     ) -> Literal["taken", "refused", "later", "earlier"]:
-        """Put a block in its place.
+        """Add a block at its position.
 
-        `after`: first index at which a hole can still be filled.
-        Returns: ``later``, ``earlier``: not taken, for it begins another stream.
+        `after`: first index at which a gap can still be filled. Returns ``later``, ``earlier``
+        if it was not added because it begins another stream.
         """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:
@@ -104,7 +103,7 @@ class Intake:
         return "taken"
 
     def may_be_filled(self, upto: int) -> bool:
-        """Whether a hole before an index is so new that its block may yet come."""
+        """True if a gap before an index is so recent that its block may still arrive."""
         if not self.buffer.holes:
             return False
         low, high = self.buffer.holes[-1]

@@ -1,12 +1,10 @@
 """Remove carriers from the samples before the search.
 
-A window one pulse long has side lobes: a carrier 60 dB above the noise of a bin drowns a tag
-100 Hz away though it never fools a row that knows its own noise. A transform 25 times as long
-as a pulse finds carriers. They are subtracted with amplitudes that may change slowly
-(modulation, drift), fitted to all of them by least squares.
-
-A window function with low side lobes would cost a rectangular pulse 1.8 dB always (Hann). A tag
-exactly on a carrier loses a part of its energy.
+A window one pulse long has side lobes: a carrier 60 dB above the noise of a bin hides a tag 100
+Hz away even if each row has its own noise estimate. A transform 25 times as long as a pulse
+finds carriers. They are subtracted with slowly varying amplitudes (modulation, drift), fitted
+jointly by least squares. A window function with low side lobes would always cost a rectangular
+pulse 1.8 dB (Hann). A tag exactly on a carrier loses a part of its energy.
 """
 
 import math
@@ -18,30 +16,30 @@ from numpy.typing import NDArray
 LOOK_S = 0.55
 """Length of the transform that finds carriers: bins of 1.8 Hz."""
 FIT_S = 0.3
-"""Past that the fit of an amplitude takes in besides the new samples."""
+"""Duration of the past included in the fit of an amplitude."""
 _BLOCK_S = 0.004
 _DEGREE = 7
-"""Of the polynomial. Of a carrier of 60 dB with 30 % of 1.3 Hz degree 4 left 20 dB, degree 6
-0.5 dB."""
+"""Degree of the amplitude's polynomial. Of a carrier of 60 dB with 30 % of 1.3 Hz degree 4 left
+20 dB, degree 6 0.5 dB."""
 _RATIO = 40.0
-"""Power over the median of the bins around: noise reaches it once in 10^12 bins, pulses (50 Hz
-wide) reach 4, a carrier does from about 0 dB in a bin of 50 Hz."""
+"""Threshold over the median of the bins around: noise reaches it in one of 10^12 bins, pulses
+(50 Hz wide) reach 4, a carrier does from about 0 dB in a bin of 50 Hz."""
 _GROUP = 16
 _MOST = 160
-"""Carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel."""
+"""Most carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel."""
 FEW_LINES = 6
 _DEGREE_OF_MANY = 3
-"""Of the weak ones when there are more than a few: 37 polynomials of degree 7 take a tenth of
-the noise, and most of it where the newest samples end; 3 follows a line 1.5 Hz wide."""
+"""Degree for weak carriers when there are many: 37 polynomials of degree 7 take a tenth of the
+noise, most of it at the newest samples; 3 follows a line 1.5 Hz wide."""
 _MOST_STEPS = 10
 _LEFT = 0.02
-"""Power of the waves that may be left, as a share of that of the noise in their place."""
+"""Largest residual power of the carriers, as a share of the noise's."""
 _STRONG = 1e4
-"""Least power of a strong carrier over the median around: 25 dB in a bin."""
+"""Least power of a strong carrier over the median around it: 25 dB in a bin."""
 _HELD_LOOKS = 40
-"""Looks (of up to 0.44 s) for which a carrier is subtracted after it was last found. A line of
-hum fades for seconds; left in meanwhile, its return was a false group: 17 times as many as
-asked for, with this 1.2 times (49 groups in 841 decisions at 5 %)."""
+"""Calls (of up to 0.44 s) for which a carrier is subtracted after it was last found. A line of
+hum fades for seconds; without this, its return gave 17 times the nominal false groups, with it
+1.2 times (49 groups in 841 decisions at 5 %)."""
 
 
 class LineCanceller:
@@ -53,28 +51,28 @@ class LineCanceller:
         self._window = _window(self._length)
         self._block = max(1, round(_BLOCK_S * sample_rate_hz))
         self._past: NDArray[np.complex64] | None = None
-        """Newest samples as they were before carriers were taken out; None: as they are."""
+        """Newest samples before carriers were removed; None: unchanged."""
         self.frequencies_hz = np.zeros(0)
         """(lines,) carriers being subtracted, relative to the channel's centre."""
         self._ratios = np.zeros(0)
         """Power of each over the median of the bins around."""
         self._looks_left = np.zeros(0, np.intp)
-        """Looks for which each is subtracted if it is not found again."""
+        """Remaining calls for which each is subtracted if it is not found again."""
 
     @property
     def idle(self) -> bool:
-        """Whether there is nothing to subtract, nor was in the last samples."""
+        """True if there is nothing to subtract, nor was in the last samples."""
         return not self.frequencies_hz.size and self._past is None
 
     @property
     def needed(self) -> int:
-        """Samples before the new ones that `find` and `subtract` look at."""
+        """Number of samples before the new ones that `find` and `subtract` need."""
         return max(self._length, round(FIT_S * self._rate))
 
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Look for carriers in the newest samples, this or the last calls'.
+        """Find carriers in the newest samples, of this or the last calls.
 
-        `before`: what is kept of the samples before, in whatever state `subtract` left them.
+        `before`: earlier samples that are kept, in the state in which `subtract` left them.
         """
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]
@@ -114,7 +112,7 @@ class LineCanceller:
         within_hz: float,
         samples: NDArray[np.complex64],
     ) -> None:
-        """Continue with carriers that are held, and begin with steady ones; strongest first."""
+        """Continue with held carriers, and add steady ones; strongest first."""
         apart = np.abs(frequencies[:, np.newaxis] - self.frequencies_hz)
         near = apart <= within_hz
         found, line = np.nonzero(near)
@@ -137,7 +135,7 @@ class LineCanceller:
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Whether the median of 20 ms has as much of each as the average: pulses have not."""
+        """True where the median of 20 ms pieces equals the average: not so for pulses."""
         length = round(0.02 * self._rate)
         pieces = samples[: len(samples) // length * length].reshape(-1, length)
         turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))
@@ -146,10 +144,10 @@ class LineCanceller:
         return np.asarray(np.median(powers, axis=0) > 0.3 * powers.mean(axis=0))
 
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
-        """Take the carriers out of new samples, in place.
+        """Remove the carriers from new samples, in place.
 
-        `before`: what is kept of the samples before.
-        `samples` (n,): the samples that follow those of the last call.
+        `before`: earlier samples that are kept. `samples` (n,): those that follow the last
+        call's.
         """
         if not self.frequencies_hz.size:
             self._past = None
@@ -200,12 +198,12 @@ class _Waves:
         self._used = np.arange(most + 1)[:, np.newaxis] <= degrees
 
     def _sum(self, weights: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Add up the waves: weights (polynomials, waves) to samples (count, block)."""
+        """Sum the waves: weights (polynomials, waves) to samples (count, block)."""
         levels = np.concatenate((self._values @ weights, self._changes @ weights), axis=1)
         return np.asarray((levels * self._middles) @ self._within.T)
 
     def _shares(self, samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-        """Project samples on each wave by itself; the adjoint of `_sum`."""
+        """Project samples on each wave separately; the adjoint of `_sum`."""
         levels = (samples @ self._within.conj()) * self._middles.conj()
         half = levels.shape[1] // 2
         shares = self._values.T @ levels[:, :half] + self._changes.T @ levels[:, half:]
@@ -234,7 +232,7 @@ def _power(values: NDArray[np.complex64]) -> float:
 
 @lru_cache(maxsize=8)
 def _window(length: int) -> NDArray[np.float32]:
-    """Hann's window, one for all tags of a length: 16 kB."""
+    """Hann's window, cached for all tags of a length: 16 kB."""
     return np.hanning(length).astype(np.float32)
 
 
@@ -242,8 +240,8 @@ def _window(length: int) -> NDArray[np.float32]:
 def _polynomials(count: int, degree: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Make orthonormal polynomials over a number of blocks.
 
-    Returns (values, changes): in the blocks' middles, and the change from block to block, both
-    (count, degree + 1).
+    Returns (values, changes), both (count, degree + 1): at the blocks' centres, and the change
+    from block to block.
     """
     at = (2.0 * np.arange(count) + 1.0) / count - 1.0
     legendre = np.polynomial.legendre

@@ -1,34 +1,33 @@
-"""Frequencies of a sampled channel: a circle as long as the sample rate.
+"""Compare frequencies of a sampled channel, which are periodic in the sample rate.
 
-What lies beyond one edge of a channel is seen at the other. Single pulses of a tag on an edge
-scatter across it; they are compared around the circle, and reported near their
-track, which alone has its place in the channel.
+A signal beyond one edge of a channel appears at the other. Single pulses of a tag at an edge
+scatter across it; they are compared around the circle, and reported at the frequency nearest to
+that of their track.
 """
 
 import math
 
 USUAL_ERROR_HZ = 500.0
-"""A tag is off by no more: nearer to its nominal frequency an edge between them is crossed."""
+"""Largest error of a tag's frequency, used to decide on which side of an edge it is."""
 EDGE_HZ = 2.0
-"""A track at an edge must be so far beyond it to be taken for one at the other: more than twice
-the scatter of a track of 16 dB, so that a tag 5 Hz inside does not change its place."""
+"""Distance beyond an edge from which a track is moved to the other: more than twice the scatter
+of a track of 16 dB, so that a tag 5 Hz inside keeps its frequency."""
 
 
 def apart_hz(one_hz: float, two_hz: float, sample_rate_hz: float) -> float:
-    """How much higher the first frequency is than the second, the short way around."""
+    """Difference of two frequencies by the shorter way around the circle."""
     return math.remainder(one_hz - two_hz, sample_rate_hz)
 
 
 def in_channel_hz(
     offset_hz: float, *, nominal_hz: float, sample_rate_hz: float, margin_hz: float = 0.0
 ) -> float:
-    """Place a track's frequency in the channel.
+    """Choose among the aliases of a track's frequency.
 
-    `offset_hz`: relative to the channel's centre, maybe beyond its edges.
-    `nominal_hz`: where the tag should be.
-    `margin_hz`: leave it where it is unless it is so far beyond an edge.
-    Returns: of the frequencies that look alike the one in (-Fs/2, Fs/2], or one less than 500
-    Hz from the nominal, be it across an edge.
+    `offset_hz`: relative to the channel's centre, maybe beyond its edges. `nominal_hz`: the
+    tag's expected frequency. `margin_hz`: leave it unchanged unless it is so far beyond an
+    edge. Returns the one in (-Fs/2, Fs/2], or one less than 500 Hz from the nominal, even
+    across an edge.
     """
     miss_hz = apart_hz(offset_hz, nominal_hz, sample_rate_hz)
     if abs(miss_hz) < USUAL_ERROR_HZ:

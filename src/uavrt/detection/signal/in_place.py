@@ -7,19 +7,18 @@ Samples = NDArray[np.complex64]
 
 
 class Surroundings:
-    """Gives the samples of one call after the other with their unfiltered neighbours."""
+    """Provides the samples of successive calls with their unfiltered neighbours."""
 
     def __init__(self) -> None:
         self._past: Samples | None = None
-        """The newest samples as they were before the filter; None: nothing was filtered."""
+        """The newest samples before the filter; None: nothing was filtered."""
 
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
-        """Put `reach` neighbours to either side of new samples.
+        """Join `reach` neighbours to either side of new samples.
 
-        `before`: samples before them, in whatever state the last call left them.
-        `samples` (n,): that follow those of the last call.
-        `after`: samples after them; what is not there counts as zero.
-        Returns: shape (n + 2 reach,).
+        `before`: earlier samples, in the state in which the last call left them. `samples`
+        (n,): those that follow the last call's. `after`: later samples; missing ones count as
+        zero. Returns shape (n + 2 reach,).
         """
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past
@@ -27,9 +26,9 @@ class Surroundings:
         return np.concatenate((past, samples, np.concatenate((after, zeros))[:reach]))
 
     def filtered(self, whole: Samples, reach: int) -> None:
-        """Keep what the next call needs of samples that are replaced now."""
+        """Store the original samples that the next call needs."""
         self._past = whole[-2 * reach : -reach].copy()
 
     def unfiltered(self) -> None:
-        """Note that the samples stay as they are."""
+        """Record that the samples stay unfiltered."""
         self._past = None

@@ -1,4 +1,4 @@
-"""Measure in which share of the time a tag's own frequency is free of other signals.
+"""Measure the share of time in which a tag's frequency is free of other signals.
 
 An instant is occupied if it is louder than the quiet instants of the same frequency, or than
 the quietest frequencies of the channel: a steady transmitter leaves no quiet instant.
@@ -10,23 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 _APART_BINS = 1.0
-"""Distance of the frequencies looked at, in bins: the tag's own, and one on each side."""
+"""Distance of the examined frequencies on each side of the tag's [bins]."""
 _RISE_S = 120.0
-"""Time constant with which the quiet level rises when nothing is as quiet any more."""
+"""Time constant with which the quiet level rises."""
 _LOUD = 24.0
-"""Power over the quiet level of an occupied instant. The lowest quartile in a minute is about
-0.3 of the mean of noise: noise alone is hardly ever so loud."""
+"""Ratio of an occupied instant's power to the quiet level. The lowest quartile in a minute is
+about 0.3 of the mean noise, which hardly ever reaches this."""
 _ABOVE_CHANNEL = 4.0
-"""Most that the quiet level lies above that of the channel's quietest frequencies, as a ratio:
-noise falls by half at the channel's edges, and the lowest of many measurements by as much. What
-is higher at all times is a steady signal."""
+"""Largest ratio of the quiet level to that of the channel's quietest frequencies: noise falls
+by half at the channel's edges, and the lowest of many measurements by as much. More is a steady
+signal."""
 _LOOK_EVERY = 4
 """Calls between two measurements of the channel's quietest frequencies."""
 _GROUP_BINS = 8
 """Neighbouring bins whose mean is the level of a frequency."""
 _STRIDE = 8
 _RECEIVED = 0.5
-"""Least share of a window's samples that are neither lost nor taken out as impulses."""
+"""Least share of a window's samples that are neither lost nor blanked."""
 
 
 class Occupancy:
@@ -73,7 +73,7 @@ class Occupancy:
         self._looked += len(power)
 
     def _lowest(self, windows: NDArray[np.complex64]) -> float:
-        """Level of the channel's quietest frequencies, in their quiet quarter of the time."""
+        """Level of the channel's quietest frequencies in the quietest quarter of the time."""
         spectrum = np.fft.fft(windows * self._taper)
         power = spectrum.real**2 + spectrum.imag**2
         quiet = np.partition(power, len(power) // 4, axis=0)[len(power) // 4]

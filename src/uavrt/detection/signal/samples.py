@@ -1,8 +1,8 @@
 """Buffer of the recent samples of a channel, with times, gaps and impulses.
 
-Times are those of the blocks; what lies between two blocks' times and their sample counts is
-either a slow clock (followed) or lost samples (filled with zeros). Whoever filled them in, runs
-of zeros are lost samples: they have no weight in any statistic.
+Times are those of the blocks; a difference between blocks' times and sample counts is either a
+slow clock (followed) or lost samples (filled with zeros). Runs of zeros count as lost samples,
+whoever inserted them: they have no weight in any statistic.
 """
 
 import bisect
@@ -19,32 +19,32 @@ from uavrt.native import kernels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BACKWARD_RESTART_BLOCKS = 3
-"""Stale blocks in a row that mean a clock set back: the stream starts again."""
+"""Consecutive stale blocks that mean a clock set back: the stream starts again."""
 _SHORTEST_S = 0.0005
 _SHORTEST = 4
-"""Shortest run of zeros taken as lost samples; samples of few bits contain shorter ones."""
+"""Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones."""
 LEAST_RECEIVED = 0.45
 """Smallest received share of a window that is evaluated."""
 
 
 @dataclass(slots=True)
 class Counters:
-    """What a detector counts from its start; every refusal has its counter."""
+    """Counters of a detector since its start; every refusal has its counter."""
 
     samples: int = 0
     samples_lost: int = 0
-    """Samples missing in the stream, by the blocks' times; zeros stand for them."""
+    """Samples missing in the stream by the blocks' times, replaced by zeros."""
     samples_blanked: int = 0
-    """Samples taken out as impulses."""
+    """Samples blanked as impulses."""
     blocks_stale: int = 0
-    """Blocks from before the present, refused."""
+    """Refused blocks from before the present."""
     restarts: int = 0
     """Jumps of time too long to bridge."""
     pulses: int = 0
     groups: int = 0
     tracks: int = 0
     rejected: dict[str, int] = field(default_factory=dict)
-    """Candidates above the threshold that were no tag, by reason."""
+    """Candidates above the threshold that were rejected, by reason."""
 
     def reject(self, reason: str) -> None:
         """Count one rejected candidate."""
@@ -73,18 +73,18 @@ class SampleBuffer:
         self._stamp_index: list[int] = []
         self._stamp_ns: list[int] = []
         self.holes: list[tuple[int, int]] = []
-        """Stretches of indices that no block has filled yet: zeros."""
+        """Index ranges that no block has filled yet: zeros."""
         self.lost: list[tuple[int, int]] = []
-        """Stretches of lost samples, found as runs of zeros up to `examined` (indices)."""
+        """Index ranges of lost samples, found as runs of zeros up to `examined`."""
         self.examined = 0
         """Index up to which the samples were searched for zeros."""
         self._shortest = max(_SHORTEST, math.ceil(_SHORTEST_S * sample_rate_hz))
         self.blanked: list[tuple[int, int]] = []
-        """Stretches of indices that were zeroed as impulses."""
+        """Index ranges that were blanked as impulses."""
 
     @property
     def empty(self) -> bool:
-        """Whether no block has come yet."""
+        """True before the first block."""
         return not self._stamp_index
 
     @property
@@ -93,7 +93,7 @@ class SampleBuffer:
         return self._stamp_index[-1]
 
     def deviation_ns(self, time_ns: int) -> float:
-        """How much later a block is than the samples so far say."""
+        """Delay of a block relative to the time expected from the samples."""
         ahead = self.end - self._stamp_index[-1]
         return (time_ns - self._stamp_ns[-1]) - ahead * self._ns_per_sample
 
@@ -108,7 +108,7 @@ class SampleBuffer:
         return self._stamp_index[at] + (time_ns - self._stamp_ns[at]) / self._ns_per_sample
 
     def indices(self, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Indices of the samples at many times; each as `index` has it."""
+        """Indices of the samples at many times, as `index`."""
         stamps_ns = np.array(self._stamp_ns, np.int64)
         at = np.maximum(np.searchsorted(stamps_ns, times_ns, side="right") - 1, 0)
         behind = (times_ns - stamps_ns[at]) / self._ns_per_sample
@@ -119,10 +119,9 @@ class SampleBuffer:
         return self._data[first - self.start : last - self.start]
 
     def extend(self, blocks: Sequence[tuple[NDArray[np.complex64], int]]) -> int:
-        """Add blocks while each continues the last; how many were added.
+        """Add blocks while each continues the last; return their number.
 
-        Blocks come a thousand times a second for a hundred tags, and nearly all of them here.
-
+        With a hundred tags blocks come a thousand times a second, nearly all of them here.
         `blocks`: samples, and the time of the first.
         """
         if not self._stamp_index:
@@ -150,7 +149,7 @@ class SampleBuffer:
         return added
 
     def append(self, samples: NDArray[np.complex64], time_ns: int) -> None:
-        """Add samples whose first has the given time."""
+        """Add samples whose first one has the given time."""
         self._stamp_index.append(self.end)
         self._stamp_ns.append(time_ns)
         self._write(samples)
@@ -164,7 +163,7 @@ class SampleBuffer:
             count -= part
 
     def fill_hole(self, samples: NDArray[np.complex64], time_ns: int, after: int) -> bool:
-        """Put a late block into the hole it left, if that lies behind index `after`."""
+        """Put a late block into its gap, if that is after index `after`."""
         first = round(self.index(time_ns))
         last = first + len(samples)
         for at, (low, high) in enumerate(self.holes):
@@ -178,7 +177,7 @@ class SampleBuffer:
         return False
 
     def clear(self) -> None:
-        """Forget everything; indices go on from zero."""
+        """Clear everything; indices start from zero."""
         self.start = self.end = 0
         self._stamp_index.clear()
         self._stamp_ns.clear()
@@ -204,14 +203,14 @@ class SampleBuffer:
                 self.view(max(low, first), min(high, last))[:] = 0.0
 
     def loses(self, first: float, last: float) -> bool:
-        """Whether any sample of [first, last) is lost."""
+        """True if any sample of [first, last) is lost."""
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Get the factor on the power of each window that makes up for its lost samples.
+        """Get the factor on the power of each window that compensates its lost samples.
 
-        Returns: one over the share that was received; 0 where it is below `LEAST_RECEIVED`.
-        None: all samples of all windows were received.
+        Returns one over the received share; 0 where it is below `LEAST_RECEIVED`. None: all
+        samples were received.
         """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None

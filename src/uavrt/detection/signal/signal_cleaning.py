@@ -12,18 +12,18 @@ from uavrt.detection.signal.sparks import SparkLimiter
 from uavrt.detection.signal.whitening import Whitener
 
 _LINES_EVERY_S = 2.4
-"""Time between two looks for carriers: one that is there may drift, and 2 Hz/s in 2.5 s is
-more than an amplitude's fit can take."""
+"""Interval between two searches for carriers: one that is subtracted may drift, and 2 Hz/s in
+2.5 s is more than an amplitude's fit can follow."""
 _FLOOR_STRIDE = 4
 _MEDIAN = math.log(2.0)
-"""Median of an exponential over its mean."""
+"""Median of an exponential distribution over its mean."""
 
 
 class Cleaner:
     """Cleans the samples of one stream, stretch by stretch.
 
-    `band_hz`: offset from the channel's centre and half-width of the band that is searched: the
-    noise is made white and steady there, and impulses are looked for in white noise.
+    `band_hz`: offset from the channel's centre and half-width of the searched band: the noise
+    is made white and steady there, and impulses are searched in white noise.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class Cleaner:
         self._whitener: Whitener | None = None
         self._limiter: SparkLimiter | None = None
         self.occupancy: Occupancy | None = None
-        """How much of the time the band's middle is free of other signals."""
+        """Measures how much of the time the band's middle is free of other signals."""
         self._ahead = self._steady_ahead = 0
         if band_hz is not None:
             offset_hz, half_width_hz = band_hz
@@ -55,19 +55,19 @@ class Cleaner:
             self._steady_ahead = self._limiter.reach
             self._ahead = self._steady_ahead + self._whitener.reach
         self._without_lines = 0
-        """Index up to which carriers are taken out."""
+        """Index up to which carriers are removed."""
         self._blanked = 0
-        """Index up to which impulses are taken out."""
+        """Index up to which impulses are blanked."""
         self._white = 0
         """Index up to which the noise is white."""
         self._steady = 0
-        """Index up to which it is steady."""
+        """Index up to which the noise is steady."""
         self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
-        """Samples looked at to either side of an impulse."""
+        """Samples examined on either side of an impulse."""
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
         self._every = round(_LINES_EVERY_S * sample_rate_hz)
         self._look_at = 0
-        """End of the stretch at which carriers are looked for again."""
+        """End of the stretch at which carriers are searched again."""
         self.floor = 0.0
         """Median power of a sample; zero before the first stretch."""
         self.mean_floor = 0.0
@@ -75,30 +75,27 @@ class Cleaner:
 
     @property
     def margin(self) -> int:
-        """Samples that must be there beyond a stretch."""
+        """Samples needed beyond a stretch."""
         ahead = self._whitener.reach if self._whitener is not None and self.whitening else 0
         return self._beyond + self._ahead + ahead
 
     @property
     def _beyond(self) -> int:
-        """Samples beyond a stretch that the search for impulses looks at."""
+        """Samples beyond a stretch that the search for impulses needs."""
         return self.flank + self._short
 
     @property
     def many_lines(self) -> bool:
-        """Whether more than a few carriers are taken out: mains hum."""
+        """True if more than a few carriers are removed: mains hum."""
         return self._lines.frequencies_hz.size > FEW_LINES
 
     @property
     def whitening(self) -> bool:
-        """Whether the samples are filtered to make the noise white."""
+        """True if the samples are filtered to make the noise white."""
         return self._whitener is not None and self._whitener.active
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Clean the samples of indices [first, last).
-
-        `renew`: measure the floor again.
-        """
+        """Clean the samples of indices [first, last); `renew` measures the floor again."""
         ready = max(self._without_lines, min(buffer.end, last + self.margin))
         buffer.examine(ready)
         if self._whitener is None or self._limiter is None:
@@ -157,10 +154,10 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Zero impulses in [first, last), looking a flank to either side.
+        """Blank impulses in [first, last), examining a flank on either side.
 
-        They are looked for in white noise: a strong neighbour's moments of high power are no
-        impulses, and the cuts would leak into the band of the tag.
+        They are searched in white noise: a strong neighbour's peaks of power are no impulses,
+        and the cuts would leak into the band of the tag.
         """
         margin = self._beyond
         low = max(buffer.start, first - margin)
@@ -193,7 +190,7 @@ class Cleaner:
 
 
 def _median_power(samples: NDArray[np.complex64]) -> float:
-    """Median power of some samples; zeros stand for lost ones. 0: all are lost."""
+    """Median power of some samples, without lost ones (zeros); 0: all are lost."""
     some = samples[::_FLOOR_STRIDE]
     power = some.real**2 + some.imag**2
     power = power[power > 0.0]

@@ -16,25 +16,25 @@ from numpy.typing import NDArray
 from uavrt.detection.signal.in_place import Surroundings
 
 _SIDE_S = 0.0013
-"""Half-length of the filters that pass the frequencies on both sides of the band."""
+"""Half-length of the filters for the frequencies on both sides of the band."""
 _SMOOTH_S = 0.0011
 """Half-length of the mean over time: three independent values in a kilohertz."""
 _GUARD_HZ = 50.0
 _LEAST_WIDTH_HZ = 300.0
-"""Each side must be this wide: of narrower ones the level is not known in a millisecond."""
+"""Least width of each side; narrower ones cannot be measured within a millisecond."""
 _QUIET_SHARE = 0.2
-"""Quantile of the levels that is the level between bursts."""
+"""Quantile of the levels that represents the time between bursts."""
 _MEAN = 1.8
-"""Mean level of steady noise over that quantile (1.79), and a little more."""
+"""Ratio of steady noise's mean level to that quantile (1.79), and a little more."""
 _HIGH = 5.0
-"""Level of a burst over that quantile. Of steady noise 0.8 % is higher, with the edges of
+"""Ratio of a burst's level to that quantile. Of steady noise 0.8 % is higher, with the edges of
 pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
 _SPARKING = 0.135
-"""Share of such levels at which the noise begins to count as sparks: rarer bursts are impulses,
-which are taken out; ten of 5 ms in a second make 10 %."""
+"""Share of such levels at which the noise counts as sparks: rarer bursts are blanked as
+impulses; ten of 5 ms in a second make 10 %."""
 _STEADY = 0.11
 _LOOK_EVERY = 8
-"""Steps between looks while nothing sparks: a look takes as long as a third of a step."""
+"""Steps between checks while nothing sparks: a check takes a third of a step."""
 _AVERAGE = 0.2
 
 
@@ -62,12 +62,12 @@ class SparkLimiter:
         smooth = np.hanning(2 * round(_SMOOTH_S * sample_rate_hz) + 1)[1:-1]
         self._smooth = (smooth / smooth.sum()).astype(np.float32)
         self.reach = side + (len(smooth) - 1) // 2 if self._filters else 0
-        """Samples looked at to either side of each."""
+        """Samples examined on either side of each."""
         self._surroundings = Surroundings()
         self._share = 0.0
         self._steps = 0
         self.active = False
-        """Whether the samples are being divided."""
+        """True while the samples are divided."""
 
     def limit(
         self,

@@ -1,14 +1,13 @@
-"""Make the noise of a channel white: suppress neighbours that sound like noise.
+"""Make the noise of a channel white: suppress noise-like neighbours.
 
-A window one pulse long has side lobes, and what leaks through them from a band of noise near
-the tag comes from the window's two ends: such cells change within a fraction of a pulse, agree
-a pulse apart, and make ten times the false groups of white noise of their power. The matched
-filter for noise of a density S is the pulse divided by S: the samples are divided by S up to
-ten times the noise of the searched band, and by the square root of what is more. A neighbour
-comes out 10 dB below that noise, so that its keying does not show either, and all that follows
-may take the noise as white.
+A window one pulse long has side lobes, and leakage from a band of noise near the tag comes from
+the window's two ends: such cells change within a fraction of a pulse, agree a pulse apart, and
+make ten times the false groups of white noise of their power. The matched filter for noise of
+density S is the pulse divided by S: the samples are divided by S up to ten times the noise of
+the searched band, and by the square root of any excess. A neighbour is left 10 dB below that
+noise, so that its keying is invisible, and later stages may assume white noise.
 
-The density is a mean over ten seconds that learns a rise at once. The filter is symmetric, so
+The density is a mean over ten seconds that follows a rise at once. The filter is symmetric, so
 that no pulse is shifted, and has a gain of one at the tag's frequency. It comes from linear
 prediction (J. Makhoul, Linear prediction: a tutorial review, Proc. IEEE 63, 1975): a predictor
 of noise with a density D leaves it white, and its output filtered backwards has the gain 1 / D.
@@ -22,12 +21,12 @@ from numpy.typing import NDArray
 from uavrt.detection.signal.in_place import Samples, Surroundings
 
 REACH_S = 0.008
-"""Length of the filter to either side: it resolves 100 Hz."""
+"""Half-length of the filter, which resolves 100 Hz."""
 _SEGMENT_S = 0.034
 """Length of the windows that measure the density: bins of 29 Hz, of 44 Hz by Hann's taper."""
 _MEMORY_S = 10.0
 _LIMIT = 6.0
-"""Most that a window counts, in densities: pulses last for a fiftieth of the time."""
+"""Largest weight of a window [densities]: pulses last for a fiftieth of the time."""
 _RISE = 2.2
 """Ratio of a median of new windows to the density from which it replaces the density; noise
 alone errs by a quarter."""
@@ -36,24 +35,24 @@ _SUPPRESSED = 10.0
 square root: a neighbour's power after the filter is one over this."""
 _SMOOTH_BINS = 5
 _COLOURED = 3.0
-"""Highest density over that of the tag's band at which the samples begin to be filtered."""
+"""Ratio of the highest density to that of the tag's band at which filtering begins."""
 _PLAIN = 2.0
-"""The same at which they are left again as they are."""
+"""The same ratio at which filtering ends."""
 _YOUNG_S = 2.0
 _YOUNG_COLOURED = 6.0
-"""The same in the first two seconds, when the density is known to a third."""
+"""The same ratio in the first two seconds, when the density is uncertain by a third."""
 _LOOK_EVERY = 4
-"""Steps between looks while the noise is white, and between filters while it is not: a look
-takes a tenth of a step."""
+"""Steps between checks of white noise, and between new filters otherwise: a check takes a tenth
+of a step."""
 _FEWEST = 12
-"""Windows of which a median is known well enough to show a rise."""
+"""Least windows whose median is accurate enough to show a rise."""
 
 
 class Whitener:
-    """Follows the noise density of a channel and filters the samples to make it flat.
+    """Tracks the noise density of a channel and filters the samples to make it flat.
 
-    `offset_hz`, `half_width_hz`: the band that is searched, relative to the channel's centre.
-    Its lowest density is what all higher densities are brought down to.
+    `offset_hz`, `half_width_hz`: the searched band, relative to the channel's centre. All
+    higher densities are reduced to its lowest.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class Whitener:
         return self._taps is not None
 
     def learn(self, samples: Samples) -> None:
-        """Follow the density with new samples, and make the filter for them.
+        """Update the density with new samples, and make the filter for them.
 
         `samples` (n,): without carriers, not filtered; lost samples are zero.
         """
@@ -118,7 +117,7 @@ class Whitener:
             self._choose()
 
     def _choose(self) -> None:
-        """Make the filter for the density, or none where the noise is white."""
+        """Make the filter for the density; none for white noise."""
         density = _smooth(self._density)
         least = float(density[self._searched].min())
         ratio = density / max(least, 1e-30)
@@ -132,7 +131,7 @@ class Whitener:
         self._taps = self._filter(lags)
 
     def _filter(self, lags: NDArray[np.complex128]) -> NDArray[np.complex64]:
-        """Predict noise of such autocorrelations; the predictor against itself, backwards."""
+        """Make the predictor for this autocorrelation, correlated with itself."""
         order = self.reach
         order = min(order, len(lags) // 2 - 1)
         index = np.arange(order)
@@ -146,7 +145,7 @@ class Whitener:
         return np.asarray(taps / gain, np.complex64)
 
     def filter(self, before: Samples, samples: Samples, after: Samples) -> None:
-        """Filter new samples in place; for the others see `Surroundings.of`."""
+        """Filter new samples in place; other parameters as in `Surroundings.of`."""
         if self._taps is None:
             self._surroundings.unfiltered()
             return
@@ -156,7 +155,7 @@ class Whitener:
         samples[:] = np.convolve(whole, self._taps, "valid")
 
     def preview(self, before: Samples, samples: Samples, after: Samples) -> Samples:
-        """Return what `filter` would make of new samples; lost ones stay zero."""
+        """Return the filtered new samples without changing them; lost ones stay zero."""
         assert self._taps is not None
         side = (len(self._taps) - 1) // 2
         whole = self._surroundings.of(before, samples, after, side)

@@ -2,5 +2,5 @@
 
 `search_band` searches the band of one tag; `judging` accepts or rejects a candidate group;
 `tracks` and `following` track it. `bursts`, `chance` and `coincidence` compute the odds of a
-chance match; `ghosts`, `senders`, `trains` and `assignment` decide which tag sent it.
+chance match; `ghosts`, `senders`, `trains` and `assignment` determine the tag.
 """

@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 
 
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
-    """Find the trains that compete, directly or through others.
+    """Find the connected groups of trains that compete for tags.
 
-    `able`: what each train is worth to each tag that it may be.
-    Returns: places of the trains of each part, in their order; those that may be no tag are in
-    none.
+    `able`: value of each train for each tag that it may be. Returns the indices of each group's
+    trains, in order; trains without a tag are in none.
     """
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):
@@ -49,10 +48,10 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 
 
 def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
-    """Give trains to tags so that the sum of their worths is largest.
+    """Assign trains to tags with the largest sum of values.
 
-    `able`: what each train is worth to each tag that it may be, positive.
-    Returns: tag of each train; None: it has none.
+    `able`: positive value of each train for each tag that it may be. Returns the tag of each
+    train; None: no tag.
     """
     made = _Sharing(able)
     for start in range(len(able)):
@@ -61,10 +60,10 @@ def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _Sharing:
-    """The best sharing of the trains so far.
+    """The best assignment of the trains so far.
 
-    Tags have prices, and each train has what it gains from the tag that it has at its price:
-    no less than from any other, or from none.
+    Each tag has a price; a train's tag gives it at least as much value above the price as any
+    other tag, or none.
     """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
@@ -75,7 +74,7 @@ class _Sharing:
         self._gain = [0.0] * len(able)
 
     def add(self, start: int) -> None:
-        """Give one train more, and others again along the path that loses least."""
+        """Add a train, and change the assignment along the path that loses least."""
         price, gain = self._price, self._gain
         gains = (worth - price.get(to, 0.0) for to, worth in self._able[start].items())
         gain[start] = max(0.0, max(gains, default=0.0))
@@ -125,9 +124,9 @@ class _Sharing:
 def losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None]
 ) -> list[dict[int, float]]:
-    """Describe how much worse the best sharing is in which a train is a certain tag's.
+    """Get the loss of the best assignment that gives a train a certain tag.
 
-    Returns: for each train and each tag that it may be; 0 for its own.
+    Returns it for each train and possible tag; 0 for the assigned one.
     """
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _ways(able, chosen, owner)
@@ -148,9 +147,9 @@ def losses(
 def _ways(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Least loss from a train that lost its tag to one whose tag is to be free.
+    """Least loss on the path from a train that lost its tag to a tag that is freed.
 
-    The last row and column stand for the tags without a train, and for having none.
+    The last row and column stand for unassigned tags and for trains without a tag.
     """
     free = len(able)
     ways = np.full((free + 1, free + 1), np.inf)

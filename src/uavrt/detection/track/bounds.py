@@ -18,13 +18,13 @@ from uavrt.detection.track.tracks import (
 from uavrt.messages import Tag
 
 _EDGE_BINS = 0.5
-"""So far beyond the band a signal may be measured: half of what a pulse is wide."""
+"""Distance beyond the band at which a pulse is accepted: half its width [bins]."""
 _SIGMAS = 2.5
-"""Of the time that noise gives a pulse."""
+"""Tolerance for the timing noise of a pulse [standard deviations]."""
 _LINE_SIGMAS = 3.0
-"""Of the interval of a line through many pulses."""
+"""Tolerance for the interval of a line through many pulses [standard deviations]."""
 _KNOWN_SHARE = 0.5
-"""Of its bound, that the error of a long group's interval may be when it is confirmed."""
+"""Largest error of a long group's interval at its confirmation, as a share of its bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class Bounds:
     """Bounds of one tag's groups and tracks.
 
     `half_width_hz`: of the search; at or above half the sample rate: the whole channel.
-    `excluded_hz`: stretches in which nothing is the tag, relative to the channel's centre.
+    `excluded_hz`: stretches without the tag, relative to the channel's centre.
     """
 
     tag: Tag
@@ -42,14 +42,14 @@ class Bounds:
     excluded_hz: tuple[tuple[float, float], ...] = ()
 
     def excluded_rows(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Which rows lie in an excluded stretch, bounds included."""
+        """True for rows in an excluded stretch, limits included."""
         inside = np.zeros(len(offsets_hz), np.bool_)
         for low, high in self.excluded_hz:
             inside |= (offsets_hz >= low) & (offsets_hz <= high)
         return np.flatnonzero(inside)
 
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
-        """Why the measured pulses of a group are not the tag's, or None.
+        """Why the measured pulses of a group are not the tag's; None if they may be.
 
         `places`: places among the K, in order of time.
         """
@@ -62,7 +62,7 @@ class Bounds:
         return "not the tag's interval" if self._off_interval(times, rate) else None
 
     def left_by(self, track: Track) -> bool:
-        """Whether a track has gone where the tag cannot be."""
+        """True if a track has left the tag's bounds."""
         times = [
             (slot.number, slot.time_s, slot.measured.power)
             for slot in track.slots
@@ -73,7 +73,7 @@ class Bounds:
         )
 
     def most_interval_error_s(self, rate: int) -> float:
-        """How far from the declared a rate's interval may lie, as the samples' clock has it."""
+        """Largest deviation from a rate's declared interval, by the samples' clock."""
         nominal_s = self.tag.pulse_intervals_s
         own_s = nominal_s[rate - 1]
         # One crystal makes both rates: of the longer interval it errs by more.
@@ -81,7 +81,7 @@ class Bounds:
         return most_s + CLOCK_ERROR * own_s
 
     def off_frequency(self, offset_hz: float) -> str | None:
-        """Why a frequency is not the tag's, or None."""
+        """Why a frequency is not the tag's; None if it may be."""
         if any(low <= offset_hz <= high for low, high in self.excluded_hz):
             return "in an excluded stretch"
         away_hz = abs(apart_hz(offset_hz, self.home_hz, self.sample_rate_hz))
@@ -90,7 +90,7 @@ class Bounds:
         return None
 
     def on_frequency(self, offsets_hz: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of many frequencies are the tag's, as `off_frequency` has it of one."""
+        """True for each of many frequencies that may be the tag's, as `off_frequency`."""
         away_hz = offsets_hz - self.home_hz
         away_hz -= self.sample_rate_hz * np.rint(away_hz / self.sample_rate_hz)
         own = np.abs(away_hz) <= self.half_width_hz + _EDGE_BINS / self.tag.pulse_width_s
@@ -99,7 +99,7 @@ class Bounds:
         return own
 
     def _off_interval(self, pulses: list[tuple[int, float, float]], rate: int) -> bool:
-        """Whether pulses, as (place, time_s, power), cannot be of one rate."""
+        """True if pulses, as (place, time_s, power), cannot be of one rate."""
         if len(pulses) < 2:
             return False
         (first, begin_s, weak), (last, end_s, power) = pulses[0], pulses[-1]
@@ -116,10 +116,10 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + _LINE_SIGMAS * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """Whether a long group's interval is hardly known: it may be that of another train.
+        """True if a long group's interval is so uncertain that it may be another train's.
 
-        Of one that began before the stream only the last pulses are there, and pulses of a
-        train 2 ms off lie on the same lattice for some places.
+        If a train began before the stream, only its last pulses exist, and pulses of a train 2
+        ms off lie on the same lattice for some places.
         """
         if self.tag.k <= MOST_TOLD_BY_ONE:
             return False

@@ -1,10 +1,9 @@
-"""Other signals on air: recent bursts that no track explains, and their rate.
+"""Other signals in the band: recent bursts that no track explains, and their rate.
 
 The anchors of the search are all cells strong enough to be a pulse; the search for long groups
-has none and hands over its strong cells. Those that lie on the
-lattice of no tag are bursts of something else: of a hopper, of the slots of a frame, of speech.
-Their rate says how often one lies by chance where a tag's pulse is expected. In noise alone
-there are none, and nothing is different for a tag.
+passes its strong cells on. Those on no tag's lattice are bursts of other transmitters: a
+hopper, slots of a frame, speech. Their rate gives the chance that one lies where a tag's pulse
+is expected. In noise alone there are none.
 """
 
 import math
@@ -20,29 +19,29 @@ from uavrt.detection.track.chance import QUIET, OnAir
 from uavrt.detection.track.tracks import Track
 
 _NOISE_SIGMAS = 3.0
-"""By which bursts must be more than noise makes to be counted as more."""
+"""Excess over noise at which bursts are counted [standard deviations]."""
 _MEMORY_S = 30.0
-"""How long a burst is remembered: talk comes in overs of some seconds."""
+"""Time for which a burst is remembered; radio calls last some seconds."""
 _MOST = 3000
-"""Bursts remembered: of more these say how often they come well enough."""
+"""Most bursts remembered, enough for their rate."""
 _PENDING = 6000
 _WINDOWS_S = (4.0, 10.0, _MEMORY_S)
-"""Durations of which the highest rate counts [s]: what has just begun counts, too."""
+"""Durations of which the highest rate counts [s], so that a recent start counts, too."""
 _POOLED_S = 2.0
-"""Weight of the whole band's rate, in time at the track's own frequencies [s]."""
+"""Weight of the whole band's rate, as time at the track's own frequencies [s]."""
 _LIKE_DB = 8.0
 """Largest difference in strength of bursts that may belong to a pulse [dB]."""
 _OWN_ROWS = 2.6
-"""Distance in rows at which a burst is found in place of a track's pulse: 30 Hz."""
+"""Largest distance of a burst found in place of a track's pulse: 30 Hz [rows]."""
 _PAIR_S = 0.012
-"""Two bursts an interval apart within this are a pair: of a frame that the interval meets."""
+"""Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
 _LEAST_PHASES = 3
-"""Least phases of the interval with pairs of a frame; fewer are of another tag."""
+"""Least number of the interval's phases with such pairs; fewer are another tag's."""
 _SAME_BINS = 1.5
 _LEAK_SHARE = 0.2
-"""Of a burst's power, that the leak of a known pulse must have to explain it."""
+"""Least share of a burst's power that a known pulse's leakage must have to explain it."""
 Known = tuple[float, float, float]
-"""A known pulse: sample at which it begins, offset [Hz] and power."""
+"""A known pulse: first sample, offset [Hz] and power."""
 _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
 """Times, rows and powers."""
 
@@ -62,18 +61,18 @@ class Bursts:
             uncertainty_s=0.0,
             reach_s=0.0,
         )
-        """Of its peaks, those that noise has above a power P are this times exp(-P)."""
+        """Rate of noise peaks above a power P, divided by exp(-P)."""
         self._pending: tuple[list[int], list[int], list[float]] = ([], [], [])
         self._time_s = np.zeros(0)
         self._row = np.zeros(0, np.intp)
         self._power = np.zeros(0)
         self._begin_s = 0.0
-        """Since when all bursts are remembered."""
+        """Time since which all bursts are remembered."""
         self._now_s = 0.0
         self._kept: _Cells = self._time_s, self._row, self._power
 
     def add(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add anchors that the search is done with, in order of time."""
+        """Add anchors that the search has finished with, in order of time."""
         for own, new in zip(self._pending, (columns, rows, powers), strict=True):
             own += new  # type: ignore[operator]
         if len(self._pending[0]) > 2 * _PENDING:
@@ -90,11 +89,11 @@ class Bursts:
         begin_column: int,
         known: Sequence[Known],
     ) -> None:
-        """Bring the statistics up to date.
+        """Update the statistics.
 
-        `fresh`: columns, rows and powers of the anchors that the search still holds.
-        `now_column`, `begin_column`: the newest that was searched, and the first of the stream.
-        `known`: pulses of tags that are sure: no bursts.
+        `fresh`: columns, rows and powers of the search's open anchors. `now_column`,
+        `begin_column`: last searched column, and the stream's first. `known`: pulses of
+        confirmed tags, which are not bursts.
         """
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
@@ -125,9 +124,10 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> OnAir:
-        """What else is on air around a track's place.
+        """Rates of other signals around a place of a track.
 
-        `found`: the strongest at that place. One's own pulses, there and before, are no bursts.
+        `found`: the strongest at that place. The track's own pulses, there and earlier, are
+        excluded.
         """
         time_s, row, power = self._kept
         if not len(time_s):
@@ -173,7 +173,7 @@ class Bursts:
     def _on_lattice(
         self, track: Track, found: Measured, time_s: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Which bursts lie where the track has, or would have had, its pulses."""
+        """True for bursts at times where the track has, or would have had, its pulses."""
         rate_hz = self._grid.sample_rate_hz
         lag_s = self._grid.start(0) / rate_hz
         near_s = self._width_s
@@ -190,13 +190,13 @@ class Bursts:
         return own
 
     def _distinct(self, time_s: NDArray[np.float64]) -> int:
-        """How many pulse widths of time hold a burst; times in any order."""
+        """Number of pulse widths of time that contain a burst; times in any order."""
         return len(set((time_s / self._width_s).astype(np.intp).tolist()))
 
     def _paired(
         self, time_s: NDArray[np.float64], interval_s: float, chance_per_s: float
     ) -> float:
-        """Rate at which bursts come an interval after another: of a frame that fits it."""
+        """Rate of bursts an interval apart, as in a frame with the same period."""
         if len(time_s) < 4:
             return 0.0
         time_s = np.sort(time_s)
@@ -214,7 +214,7 @@ class Bursts:
         return len(first) / begun / (2.0 * _PAIR_S)
 
     def _without(self, known: Sequence[Known], cells: _Cells) -> _Cells:
-        """Leave out the cells that known pulses, or their leaks, explain."""
+        """Remove the cells that known pulses or their leakage explain."""
         time_s, row, power = cells
         if not known or not len(time_s):
             return cells
@@ -238,7 +238,7 @@ class Bursts:
         cells: tuple[Sequence[int], Sequence[int], Sequence[float]],
         noise: NDArray[np.float32],
     ) -> _Cells:
-        """Times, rows and powers of cells, the strongest of each burst and bin of frequency."""
+        """Times, rows and powers of cells, the strongest of each burst and frequency bin."""
         time_s = np.array(cells[0]) * self._column_s
         row = np.array(cells[1])
         power = np.array(cells[2]) / noise[row]
@@ -253,10 +253,9 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """How many bursts of a count are more than noise alone is expected to make.
+    """Number of bursts beyond the noise's expected number, with a margin.
 
-    The threshold allows for what noise makes: counted here too, half of the groups of
-    one pulse were kept back that were asked for.
+    Without the margin, half of the real single-pulse groups were held back.
     """
     more = count - expected
     return more if more > _NOISE_SIGMAS * expected**0.5 else 0.0

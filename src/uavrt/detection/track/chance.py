@@ -1,41 +1,40 @@
-"""Log-likelihood ratios for a track: a tag's pulse against a burst there by chance.
+"""Log-likelihood ratios for a track: a tag's pulses against bursts there by chance.
 
-A track of bursts is one of the many that could have begun; each of its places had a burst by
-chance. The product of the likelihood ratios of its places, a tag's pulse against a burst,
-exceeds A with a chance of at most 1/A (Ville's inequality; J. Ville, Étude critique de la
-notion de collectif, 1939), so a bound of the tracks expected in a while over the tracks allowed
-keeps the false ones to those.
+A track of bursts is one of many that could have begun; each of its places had a burst by
+chance. The product of its places' likelihood ratios exceeds A with a chance of at most 1/A
+(Ville's inequality; J. Ville, Étude critique de la notion de collectif, 1939). The bound is
+therefore the number of expected tracks over the number of false ones allowed.
 """
 
 import math
 from dataclasses import dataclass
 
 _HEARD = 0.75
-"""Share of a tag's places in which its pulse is found: one in four is faded."""
+"""Share of a tag's places with a detected pulse: one in four is faded."""
 _PERIOD_S = 200.0
 _CONFIRMED_FALSELY = 1e-3
-"""Tracks of bursts that may be confirmed in such a period."""
+"""Tracks of bursts that may be confirmed per decision period."""
 _FREQUENCY_HZ = 7.0
-"""Scatter of a tag's pulses around its track, one of 14 dB and its drift."""
+"""Scatter of a tag's pulses around its track, for a pulse of 14 dB including drift."""
 _POWER_DB = 7.0
-"""Scatter of a tag's power around that of its last pulses: an antenna that turns."""
+"""Scatter of a tag's power around its last pulses, as the antenna turns."""
 _HIDDEN_WIDTHS = 3.0
-"""Widths of a pulse in which a stronger burst hides it."""
+"""Distance within which a stronger burst hides a pulse [pulse widths]."""
 _QUIET_PER_S = 1e-4
-"""Bursts at a frequency, and ten times as many in a band, where none were heard: so few that
-two pulses on a lattice outweigh them."""
+"""Assumed rate of bursts at a frequency where none were received, and ten times that in a band:
+two pulses on a lattice outweigh it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnAir:
-    """Bursts that are on air around one place of a track, none of them its own [1/s]."""
+    """Rates of other signals' bursts around one place of a track [1/s]."""
 
     alike_per_s: float
-    """At its frequency, about as strong as what was found there."""
+    """At its frequency, with a power similar to that found there."""
     hiding_per_s: float
-    """At its frequency, of at least half that power."""
+    """At its frequency, with at least half that power."""
     begin_per_s: float
-    """At any frequency of the band, about as strong: each may begin a group."""
+    """At any frequency of the band with similar power: each may begin a group."""
 
 
 QUIET = OnAir(alike_per_s=0.0, hiding_per_s=0.0, begin_per_s=0.0)
@@ -47,7 +46,7 @@ def log_begin(per_s: float) -> float:
 
 
 def log_doubt(allowed: float, decision_s: float) -> float:
-    """Log odds below which more groups like a track's are by chance than are allowed."""
+    """Log odds below which chance makes more groups like a track's than allowed."""
     return -math.log(max(1.0, allowed * _PERIOD_S / (_CONFIRMED_FALSELY * decision_s)))
 
 
@@ -60,12 +59,11 @@ def log_odds(
     beside_hz: float,
     above_db: float,
 ) -> float:
-    """Log-likelihood ratio of what was found at a place: a tag's pulse to a burst.
+    """Log-likelihood ratio of a detection at an expected place: a tag's pulse to a burst.
 
-    `late_s`, `spread_s`: how much later than expected, and the standard deviation that a tag's
-    pulse has.
-    `beside_hz`: how far from the track's frequency.
-    `above_db`: how far above the power of the track's last pulses.
+    `late_s`, `spread_s`: delay from the expected time, and its standard deviation for a tag.
+    `beside_hz`: distance from the track's frequency.
+    `above_db`: power relative to the track's last pulses.
     """
     seen = _seen(on_air, width_s)
     likely = math.exp(
@@ -80,7 +78,7 @@ def log_odds(
 
 
 def log_empty(on_air: OnAir, *, width_s: float) -> float:
-    """Log-likelihood ratio of a place with nothing in it, or only a burst."""
+    """Log-likelihood ratio of a place without a pulse, or only with a burst."""
     return math.log(1.0 - _seen(on_air, width_s))
 
 

@@ -5,20 +5,18 @@ import math
 import numpy as np
 
 SEEN_TOGETHER = 0.9
-"""Share of a ghost's pulses that are heard with their original's."""
+"""Share of a ghost's pulses that are received together with their original's."""
 _STEPS = 32
 
 
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Chance that pulses of a tag come together with those of another transmitter.
+    """Chance that so many pulses of a tag coincide with those of another transmitter.
 
-    Either two lattices drift past each other slowly: at any phase, with a difference of their
-    intervals anywhere within what is not known of it. Or the pulses meet one by one.
-
-    `pulses`: consecutive pulses of the tag of which they are.
-    Returns: of this many or more.
+    Either two lattices drift past each other slowly, with any phase and any difference of
+    intervals within the uncertainty; or pulses coincide one by one. `pulses`: number of
+    consecutive pulses of the tag. Returns the chance of `together` or more.
     """
     window_s = min(2.0 * near_s, interval_s)
     single = window_s / interval_s
@@ -34,7 +32,7 @@ def by_chance(
 
 
 def of_ghosts(together: int, pulses: int) -> float:
-    """Chance that at most this number of a ghost's pulses come with its original's."""
+    """Chance that no more than this number of a ghost's pulses coincide with its original's."""
     return 1.0 - _at_least(together + 1, pulses, SEEN_TOGETHER)
 
 

@@ -16,14 +16,14 @@ from uavrt.detection.track.two_rates import become, lags, set_up_rivals, settle_
 from uavrt.units import ns_from_s
 
 _SURE_POWER = 20.0
-"""A weaker pulse may be one in whose middle samples are missing."""
+"""Power below which a pulse may be one whose middle samples are missing."""
 _TOLD = 0.25
-"""Weight of a frequency's distance from the track's, while samples are being lost: a break of
-the phase moves it by up to 20 Hz, and a pulse at that distance passed for a burst."""
+"""Weight of a frequency's distance from the track's while samples are being lost: a phase break
+shifts it by up to 20 Hz, which once made pulses count as bursts."""
 
 
 def _quiet(_track: Track, _found: Measured) -> OnAir:
-    """Nothing else is on air; a function of the module, which detectors are pickled with."""
+    """Report no other signals; a module-level function, so that detectors can be pickled."""
     return QUIET
 
 
@@ -39,7 +39,7 @@ class Follower:
         self._buffer = buffer
         self._refiner = refiner
         self.epoch_ns = 0
-        """Zero of the tracks' seconds."""
+        """Origin of the tracks' seconds [ns]."""
         self._tracks: list[Track] = []
         self._around: Callable[[Track, Measured], OnAir] = _quiet
 
@@ -57,12 +57,11 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], OnAir],
     ) -> None:
-        """Look where the tracks expect their next pulses; drop the dead.
+        """Search where the tracks expect their next pulses; drop ended tracks.
 
-        `upto`: index after the last clean sample.
-        `settle`: called after each pulse: decides who is the tag and reports.
-        `floor`: mean power of a sample without pulses.
-        `around`: reports what else is on air around a track's place.
+        `upto`: index after the last clean sample. `settle`: called after each pulse; assigns
+        tags and reports. `floor`: mean power of a sample without pulses. `around`: reports
+        other signals around a track's place.
         """
         self._tracks = tracks
         self._around = around
@@ -78,13 +77,11 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Tracks that may go on behind a jump of the clock, as if no samples were missing.
+        """Tracks that continue behind a jump of the clock, as if no samples were missing.
 
-        Whether the clock was set or samples are missing is not known.
-
-        `tracks`: changed in place; their seconds are those after the jump, from its first
-        sample.
-        Returns: they must be confirmed again: were samples missing, they find nothing and end.
+        A jump may come from a corrected clock or from missing samples. `tracks`: changed in
+        place; their seconds are those after the jump, from its first sample. The returned
+        tracks must be confirmed again: if samples are missing, they find nothing and end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
@@ -101,7 +98,7 @@ class Follower:
         noise: NDArray[np.float32],
         floor: float,
     ) -> None:
-        """Let the other rate look for its pulses up to the same time, and compare."""
+        """Follow the other rate's track up to the same time, and compare both."""
         if len(self._tag.pulse_intervals_s) < 2 or not track.confirmed or track.dead:
             return
         set_up_rivals(track)
@@ -118,7 +115,7 @@ class Follower:
                 become(track, winner)
 
     def _is_anothers(self, track: Track, time_s: float) -> bool:
-        """Whether a pulse, all that a lost track has come upon, is of another track."""
+        """True if a pulse, the only one found by a lost track, belongs to another track."""
         near_s = 0.75 * self._tag.pulse_width_s
         return any(
             abs(slot.time_s - time_s) < near_s
@@ -184,7 +181,7 @@ class Follower:
         found: Measured,
         noise: NDArray[np.float32],
     ) -> Measured:
-        """What was found where samples are being lost, or a broken pulse that is stronger."""
+        """Found pulse where samples are being lost, or a stronger broken pulse."""
         if found.power < _SURE_POWER:
             spread = track.spread_s() * self._grid.sample_rate_hz
             offset_hz, band_hz = track.offset_hz, TRACK_BAND_HZ
@@ -209,11 +206,11 @@ class Follower:
     def _beside(
         self, track: Track, burst: Slot, start: float, half: float, noise: NDArray[np.float32]
     ) -> Slot | None:
-        """Look before and after a burst for the pulse that is weaker than it.
+        """Search before and after a burst for the tag's weaker pulse.
 
-        `burst`: the strongest of the place, likelier something else's.
-        `start`, `half`: where the pulse is expected, and how far away it may lie [samples].
-        Returns: the likeliest; None where nothing is likelier the tag's than a burst.
+        `burst`: the strongest detection, more likely another sender's. `start`, `half`:
+        expected position of the pulse, and largest distance from it [samples]. Returns the
+        likeliest; None if none is more likely the tag's than a burst.
         """
         at, window = burst.measured.start, self._grid.window
         best: Slot | None = None

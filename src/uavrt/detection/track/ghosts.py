@@ -1,11 +1,10 @@
-"""Ghosts: trains of pulses that the receiver makes out of a stronger tag's pulses.
+"""Ghosts: copies of a stronger tag's pulses that the receiver produces.
 
-A quadrature receiver shows each signal weakly at the mirror of its frequency about the radio's
-centre, and one whose converter saturates at multiples of its distance from the centre too. Two
-signals at once, a tag and a steady carrier or the pulses of two tags as long as these come
-together, have products: at 2 f1 - f2 and others. A ghost has the pulses of its original at the
-same instants, and lies at such a place. That another tag does is a matter of chance, which is
-computed: of its phase and interval, and of its frequency.
+A quadrature receiver shows each signal weakly at its mirror frequency about the radio's centre,
+and a saturated one also at multiples of its distance from the centre. Two simultaneous signals,
+such as a tag and a steady carrier, have products at 2 f1 - f2 and others. A ghost has the
+pulses of its original at the same instants and at such a frequency. The chance that another tag
+does so is computed from its phase, interval and frequency.
 """
 
 import math
@@ -26,24 +25,24 @@ from uavrt.detection.track.trains import H
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 STRONGER = 10.0**0.8
-"""Power of the original over its ghost's, at least. An image is 25 to 40 dB down. The third
-harmonic of a signal cut to a square wave is 9.5 dB below it; nothing else of it is nearer. Of a
-product each of the two is stronger by this ratio."""
+"""Least ratio of the original's power to its ghost's. An image is 25 to 40 dB down. The third
+harmonic of a signal clipped to a square wave is 9.5 dB down, the strongest of its products. For
+a product of two, each is stronger by this ratio."""
 LEAST_PULSES = 3
 ALLOWED = 1e-3
-"""Tags that are no ghosts and are taken for one, at most, of those that come with another's
-pulses: chance of what was heard over that of a ghost."""
+"""Largest share of real tags mistaken for ghosts among those that coincide with another's
+pulses."""
 _SIGMAS = 2.5
 _EDGE_STRONGER = 100.0
-"""Power of a pulse over that of its edges far from its frequency, at least."""
+"""Least power ratio of a pulse to its edges far from its frequency."""
 _EDGE_NOISE = 2.5
-"""Amplitude that the best noise adds to an edge's in a search."""
+"""Amplitude that the largest noise adds to an edge in a search."""
 _EDGE_WIDTHS = 0.75
-"""Most distance of an edge from the pulse's begin [pulse widths]."""
+"""Largest distance of an edge from the pulse's start [pulse widths]."""
 _EDGE_SHARE = 0.6
-"""Least share of a train's pulses that come with another's if it is its edges."""
+"""Least share of a train's pulses that coincide with another's if it consists of its edges."""
 _ROUNDING_NS = 1000
-"""More than times of today lose as floating-point numbers."""
+"""More than present times lose as floating-point numbers [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +53,11 @@ class _Heard(Generic[H]):
     frequency_hz: float
     times_ns: list[int]
     near_s: list[float]
-    """For each, how near to it another one comes at the same time."""
+    """For each pulse, distance within which another one is simultaneous."""
 
     @property
     def edge_s(self) -> float:
-        """How near to a pulse its edges are found."""
+        """Distance from a pulse within which its edges are found."""
         return _EDGE_WIDTHS * self.track.tag.pulse_width_s
 
 
@@ -70,7 +69,7 @@ class _Coincidence:
 
 
 class _Instants(Generic[H]):
-    """All trains' pulses in order of time: few of hundreds of trains come with any one."""
+    """All trains' pulses in order of time; few of hundreds of trains share an instant."""
 
     def __init__(self, heard: list[_Heard[H]]) -> None:
         self._heard = heard
@@ -80,7 +79,7 @@ class _Instants(Generic[H]):
         self._times_ns, self._whose = times_ns[order], whose[order].tolist()
 
     def of_company(self, one: _Heard[H]) -> list[_Heard[H]]:
-        """Get the trains of which enough pulses may come with a train's own."""
+        """Get the trains of which enough pulses may coincide with those of a train."""
         near_s = np.maximum(one.near_s, one.edge_s)
         near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + _ROUNDING_NS
         times_ns = np.array(one.times_ns, np.int64)
@@ -99,10 +98,10 @@ class _Instants(Generic[H]):
 def mark_ghosts(
     hearers: Iterable[H], receiver: Receiver, carriers_hz: Sequence[float] = ()
 ) -> list[tuple[H, Track]]:
-    """Mark the tracks that are ghosts of others, and unmark those that are none any more.
+    """Mark the tracks that are ghosts of others, and unmark the rest.
 
     `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
-    Returns: tracks that were not marked before.
+    Returns the newly marked tracks.
     """
     heard = [
         _listen(hearer, track, slots)
@@ -155,10 +154,10 @@ def _original(
 
 
 def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
-    """Whether a train is no more than what another's pulses leak far from their frequency.
+    """True if a train is only another's leakage far from its frequency.
 
-    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Nearer, in the
-    band of its own search, trains are shared out (senders.py).
+    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Nearer trains,
+    within its search band, are assigned by senders.py.
     """
     if other.level < _EDGE_STRONGER * one.level or one.hearer.could_be(other.frequency_hz):
         return False

@@ -1,9 +1,9 @@
-"""Reject long groups that are really another tag's pulses, by measuring their interval.
+"""Reject long groups that are another tag's pulses, by measuring their interval.
 
-A pulse half a width late still has a quarter of its power. Of a tag whose interval is some
-milliseconds off, a lattice of twenty places meets ten such pulses and more, and at both ends
-noise: where first and last pulse lie says nothing there. So all places speak: the sum along the
-declared interval is compared with the sums along others that cross it.
+A pulse half a width late still has a quarter of its power. If a tag's interval is some
+milliseconds off, a lattice of twenty places has ten such pulses and more, with noise at both
+ends, so first and last pulse give no information. All places are used: the sum along the
+declared interval is compared with sums along other intervals that cross it.
 """
 
 import math
@@ -17,10 +17,11 @@ from uavrt.detection.search.refine import Refiner
 from uavrt.detection.track.bounds import Bounds
 
 _MOST_WIDTHS = 0.5
-"""Beyond the bound, in pulse widths: of an interval further off two pulses meet a lattice."""
+"""Range beyond the bound [pulse widths]; for intervals further off, two pulses meet a
+lattice."""
 _BETTER = 10.0
-"""Noise powers by which another interval must win. Of a tag at its bound 0.375 ms beyond loses
-more than it gains by noise."""
+"""Margin by which another interval must win [noise powers]. A tag at its bound loses more than
+it gains by noise 0.375 ms beyond."""
 
 
 class Intervals:
@@ -34,9 +35,9 @@ class Intervals:
     def anothers(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Which places of a candidate have the pulses of a train with another interval.
+        """Find the places of a candidate with pulses of another interval.
 
-        Returns: (K,) None of them where no other interval is better than the declared.
+        Returns (K,), all False if no other interval is better than the declared one.
         """
         hop = self._grid.hop
         places = np.arange(search.k)
@@ -81,7 +82,7 @@ class Intervals:
         most: int,
         noise: NDArray[np.float32],
     ) -> NDArray[np.float32] | None:
-        """Powers around each place, limited, the largest within the jitter, by column."""
+        """Powers around each place, limited, maximised within the jitter, by column."""
         hop, reach = self._grid.hop, search.reach
         offset_hz = float(self._grid.offsets_hz[candidate.row])
         side = (most + reach) * hop
@@ -101,7 +102,7 @@ class Intervals:
 
 
 def _changes(within: float, beyond: float, k: int) -> NDArray[np.float64]:
-    """Differences of the interval to be tried, in columns: ends move by two columns."""
+    """Differences of the interval to try, in columns: the ends move by two columns."""
     most = within + beyond
     step = 2.0 / (k - 1)
     count = math.ceil(most / step)

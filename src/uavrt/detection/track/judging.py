@@ -1,8 +1,8 @@
 """Measure a candidate on the samples and decide whether it is a group of the tag.
 
-Where the energy of a window is six standard deviations above the noise, one row must hold 0.35
-of it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. (A blanker
-of longer bursts would blank pulses too, and pairs of impulses pass it.)
+If the energy of a window is six standard deviations above the noise, one row must have 0.35 of
+it, the pulse's own or a stronger signal's; otherwise the candidate is an impulse. (Blanking
+longer bursts would blank pulses, too, and miss pairs of impulses.)
 """
 
 import math
@@ -24,26 +24,26 @@ from uavrt.detection.track.two_rates import log_evidence
 
 _UNIFORMITY = 0.3
 _FEW_PULSES = 3
-"""Up to here each pulse of a group is strong by itself, and one that is not is missing."""
+"""Number of pulses up to which each must be strong by itself; a weak one counts as missing."""
 _STRONG = 30.0
 _OFF_ROW_HZ = 8.0
 _FLANK_RATIO = 2.0
-"""Half a pulse earlier or later a pulse has a quarter of its power, and so it has 35 Hz from
-its frequency. Twice as much there is another tag's: of another interval or frequency."""
+"""Largest power half a pulse earlier or later, or 35 Hz away, relative to a quarter of the
+pulse's; more belongs to another tag."""
 _LOBE_RATIO = 3.0
 _WEAK = 4.0
-"""What lies around a weaker pulse is no evidence: the noise of a whole channel reaches twice as
-much in most windows, and one place of noise carries no group."""
+"""Power of a pulse below which its surroundings are no evidence: noise reaches twice as much in
+most windows."""
 _LOUD = 8.0
 _MOST_BESIDE = 6.0
-"""Sum over a group of what exceeds the allowed on the flanks. Noise exceeds it in one window
-of 800, by this much in one of 300 000; pulses of a tag with another interval in many."""
+"""Largest sum over a group of the excess on the flanks. Noise reaches this in one window of 300
+000; pulses of a tag with another interval in many."""
 _MOST_ANOTHERS = 4
-"""Least pulses of a group of which one may be another's."""
+"""Least pulses of a group of which one may be another sender's."""
 _FLANK_BINS = 1.9
-"""A strong pulse's cells are at their limit far from its row, and partly off it in time:
-the top is searched from this far. One group in twenty of 50 dB was measured on the flank, 6 dB
-low; what is further away is refused as a side lobe."""
+"""Distance from which the maximum of a strong pulse is searched [bins]: cells at their limit
+hide it. One group in twenty of 50 dB was measured on the flank, 6 dB low; beyond it is a side
+lobe."""
 
 
 class Judge:
@@ -64,18 +64,18 @@ class Judge:
     def suffices(
         self, candidate: Candidate, search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """Whether a candidate near the search's threshold is likelier than noise."""
+        """True if a candidate near the search's threshold is more likely than noise."""
         return self._evidence.suffices(candidate, search, noise)
 
     def known(self, tracks: list[Track]) -> KnownPulses | None:
-        """Get the pulses of confirmed tracks: they need not be found again."""
+        """Get the pulses of confirmed tracks, which need not be found again."""
         pulses = [slot.measured for t in tracks if t.confirmed for slot in t.slots]
         return KnownPulses(self._grid, pulses) if pulses else None
 
     def unexplained(
         self, candidates: list[Candidate], search: RateSearch, known: KnownPulses | None
     ) -> list[Candidate]:
-        """Leave out the candidates of a search that known pulses explain."""
+        """Remove the candidates of a search that known pulses explain."""
         if known is None or not candidates:
             return candidates
         explained = known.explain(
@@ -89,7 +89,7 @@ class Judge:
     def is_new(
         self, candidate: Candidate, search: RateSearch, taken: list[list[Measured]]
     ) -> bool:
-        """Whether the groups just taken leave a candidate of a search unexplained."""
+        """True if the groups just found do not explain a candidate of a search."""
         pulses = [pulse for group in taken for pulse in group]
         known = KnownPulses(self._grid, pulses) if pulses else None
         return bool(self.unexplained([candidate], search, known))
@@ -143,13 +143,11 @@ class Judge:
         """Distinguish a tag's group from other signals, and its pulses from others'.
 
         Among many weak pulses there is always one near which noise, an impulse or another
-        signal is stronger: such a pulse is left out, and the group must be one without it. What
-        says so of more than one pulse in four, or of one that carries the group, speaks of the
-        group.
-
-        `places`: a group above the threshold: places among the K, in order of time.
-        `floor`: mean power of a sample without pulses.
-        Returns (own, reason): the pulses that are the tag's; why the group is no tag.
+        signal is stronger: such a pulse is left out, and the group must stand without it. If
+        this affects more than one pulse in four, or one that carries the group, the group is
+        rejected. `places`: a group above the threshold: places among the K, in order of time.
+        `floor`: mean power of a sample without pulses. Returns (own, reason): the tag's pulses;
+        why the group is rejected.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -182,7 +180,7 @@ class Judge:
         search: RateSearch,
         noise: NDArray[np.float32],
     ) -> str | None:
-        """Why the pulses of a group together are not those of the tag's rate, or None."""
+        """Why the pulses of a group together do not have the tag's rate; None if they may."""
         if (reason := self._bounds.refusal(places, search.rate)) is not None:
             return reason
         if self._is_the_other_rate([pulse for _, pulse in places], search, noise):
@@ -204,10 +202,10 @@ class Judge:
         return None
 
     def _anothers(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Why a pulse is not the tag's but made by something stronger, or None.
+        """Why a pulse is caused by something stronger; None if it may be the tag's.
 
-        The second figure is by how much noise would have to exceed what it may be at the tag's
-        own frequency, in noise powers.
+        The second value is the excess over the noise allowed at the tag's frequency, in noise
+        powers.
         """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
@@ -228,10 +226,10 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """Whether the tag's other rate has pulses between those of the group.
+        """True if the tag's other rate has pulses between those of the group.
 
-        Every second pulse of a rate is a train of twice the interval; the pulses between give
-        it away.
+        Every second pulse of a rate is a train of twice the interval; the pulses between show
+        this.
         """
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
@@ -260,18 +258,18 @@ class Judge:
         return evidence > 0.0
 
     def overlaps(self, track: Track, group: list[Measured]) -> bool:
-        """Whether a group has a pulse of a track."""
+        """True if a group shares a pulse with a track."""
         return share_a_pulse(group, [s.measured for s in track.slots], self._grid.window)
 
     def equals(self, track: Track, group: list[Measured]) -> bool:
-        """Whether at most one pulse of the group is new to the track."""
+        """True if at most one pulse of the group is new to the track."""
         own = [s.measured for s in track.slots]
         shared = sum(share_a_pulse([m], own, self._grid.window) for m in group)
         return shared >= len(group) - 1
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Most that a rectangular pulse leaks so far from its frequency, or a piece of one.
+    """Upper bound of a rectangular pulse's leakage at this distance, also of a part of one.
 
     At most 1 / (pi df tp)^2 of its power; doubled in amplitude as a margin.
     """
@@ -279,11 +277,10 @@ def _leak(power: float, apart_bins: float) -> float:
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """Whether pulses of a rate are missing: every second one, if it is another rate's train.
+    """True if pulses are missing: every second one, if it is another rate's train.
 
-    Of few pulses each is compared with the strongest. Of many weak ones some always fall short:
-    there every second place is judged as a whole, a pulse as strong as those between against
-    none.
+    Of few pulses each is compared with the strongest. Of many weak ones some are always low:
+    there every second place is tested as a whole, a pulse of the same strength against none.
     """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= _FEW_PULSES:
@@ -299,5 +296,5 @@ def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
 
 
 def share_a_pulse(one: list[Measured], two: list[Measured], window: int) -> bool:
-    """Whether two groups have a pulse at the same time, at whatever frequency it leaks to."""
+    """True if two groups have a pulse at the same time, at any frequency of its leakage."""
     return any(abs(a.start - b.start) < 0.75 * window for a in one for b in two)

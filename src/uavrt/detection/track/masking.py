@@ -10,9 +10,9 @@ from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.tracks import Track
 
 STRONGER = 2.0
-"""Ratio to a track's own pulse at which another is taken out before the track is measured."""
+"""Ratio to a track's own pulse at which another is subtracted before the measurement."""
 _LEAST_BINS = 0.8
-"""Nearer in frequency it may be the track's own pulse, followed twice."""
+"""Distance below which another track may have the same pulses [bins]."""
 
 
 def level(track: Track) -> float:
@@ -22,12 +22,12 @@ def level(track: Track) -> float:
 
 
 def strongest_first(tracks: list[Track]) -> list[Track]:
-    """The tracks in the order in which they are to be followed."""
+    """The tracks in the order in which to follow them: strongest first."""
     return sorted(tracks, key=level, reverse=True) if len(tracks) > 1 else list(tracks)
 
 
 def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
-    """Tracks that may hide a track's pulses: stronger, and at another frequency.
+    """Tracks that may hide a track's pulses: stronger and at another frequency.
 
     `sample_rate_hz`: frequencies are compared around this circle.
     """
@@ -46,7 +46,7 @@ def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float)
 
 
 def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
-    """Whether one of the tracks has yet to look for a pulse between two times."""
+    """True if one of the tracks still has to search for a pulse between two times."""
     for other in others:
         time_s, half_s = other.expected()
         if time_s + half_s > earliest_s and time_s - half_s < latest_s:
@@ -57,7 +57,7 @@ def is_due(others: list[Track], *, earliest_s: float, latest_s: float) -> bool:
 def hiding(
     track: Track, others: list[Track], *, earliest_s: float, latest_s: float
 ) -> list[Measured]:
-    """Pulses of others between two times that are stronger than a track's own."""
+    """Pulses of others between two times that are stronger than the track's."""
     least = STRONGER * level(track)
     return [
         slot.measured

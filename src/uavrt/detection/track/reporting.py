@@ -1,4 +1,4 @@
-"""From tracks to records: name the tag, fill in the fields, report each pulse once."""
+"""From tracks to records: assign the tag, fill in the fields, report each pulse once."""
 
 import math
 
@@ -51,9 +51,9 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """The track that is the tag: of those alive the one nearest the nominal frequency.
+        """Find the track of the tag: of those alive the one nearest the nominal frequency.
 
-        Whatever its strength; of tracks at one frequency the one that heard its tag last.
+        Strength does not matter; of tracks at one frequency, the last to receive a pulse.
         """
         alive = [
             t
@@ -72,7 +72,7 @@ class Reporter:
         return max(close, key=lambda t: (not t.held, t.last_accepted_s))
 
     def settle(self, tracks: list[Track], nominal_hz: float, now_s: float) -> None:
-        """Decide which track is the tag and report what it has found."""
+        """Determine the track of the tag and report its pulses."""
         owner = self.owner(tracks, nominal_hz, now_s)
         for track in tracks:
             if owner is not None:
@@ -81,9 +81,10 @@ class Reporter:
                 self.report(track)
 
     def report(self, track: Track, *, last: bool = False) -> None:
-        """Make records of a track's accepted pulses, and of weak ones it has given up on.
+        """Make records of a track's accepted pulses, and of weak ones that will not be
+        confirmed.
 
-        `last`: nothing follows: do not wait for the rate's label.
+        `last`: the stream has ended: do not wait for the rate's label.
         """
         if self.doubts(track, last=last) or track.held:
             return
@@ -105,9 +106,9 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """Whether bursts alone make more tracks like it than false alarms are asked for.
+        """True if bursts alone make more tracks like it than the false-alarm rate allows.
 
-        What was in doubt once waits to be confirmed: all its pulses are reported as confirmed.
+        A track once in doubt waits for confirmation: all its pulses are reported as confirmed.
         """
         if track.confirmed:
             return False
@@ -119,7 +120,7 @@ class Reporter:
     def searched(
         self, time_ns: int, band: SearchBand, occupancy: Occupancy | None = None
     ) -> None:
-        """Note what a band has searched up to a time; about once a second it is a report."""
+        """Record what a band has searched; about once a second it becomes a report."""
         if self._reported_ns is None:
             self._reported_ns = time_ns
         if time_ns - self._reported_ns < _REPORT_EVERY_NS:
@@ -140,7 +141,7 @@ class Reporter:
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
-        """Give a track its place in the channel, at first and when it has crossed an edge."""
+        """Assign a track's place in the channel, first and after it has crossed an edge."""
         place_hz = in_channel_hz(
             track.steady_hz,
             nominal_hz=self._tag.frequency_hz - self._center_hz,

@@ -23,30 +23,30 @@ from uavrt.detection.track.bursts import Bursts, Known
 from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT
-"""Columns, eight to a pulse, of which one is used for the noise: more add no knowledge."""
+"""Stride of the columns used for the noise estimate (eight columns per pulse)."""
 _LEARN_BATCHES = 3
-"""Batches with which the noise is followed at a time: a call costs more than its data."""
+"""Batches collected before the noise is updated: a call costs more than its data."""
 _LEAST_NOISE_S = 0.35
 _LEAST_CLEAN = 0.2
-"""Least share of columns without impulses that are used alone for the noise. Impulses so dense
-that fewer are left are in nearly all, which then have about the same noise."""
+"""Least share of columns without impulses that are used alone for the noise. With denser
+impulses nearly all columns contain some and are about equal."""
 _LAG_S = 0.07
-"""The newest columns lag a window and a filter behind the samples."""
+"""Delay of the newest columns behind the samples: a window and a filter."""
 _KEPT_S = 4.0
-"""Besides a group's span, levels are kept so long: pulses are measured some time later."""
+"""Time in addition to a group's span for which levels are kept, for measuring pulses."""
 _YOUNG_NOISE_S = 2.5
 """Time in which each batch measures the noise from all columns so far [s]."""
 
 _MANY_LINES = 1.025
-"""To multiply a threshold by while many lines are taken out: what is left of each changes from
-second to second, all over the channel, and 1.6 times the false groups asked for were found."""
+"""Factor on a threshold while many lines are removed: their residuals vary over the channel,
+which gave 1.6 times the nominal false groups."""
 
 
 class SearchBand:
     """The search of one stream in one band.
 
-    `bounds`: half-width of the band, and what in it is not searched.
-    `batch_s`: longest piece in which samples come [s].
+    `bounds`: half-width of the band, and its excluded parts. `batch_s`: longest piece of
+    samples [s].
     """
 
     def __init__(
@@ -73,20 +73,21 @@ class SearchBand:
             steepness=steady.threshold / steady.k,
             circular=half_width_hz >= grid.sample_rate_hz / 2.0,
         )
-        """How loud the noise is at each time, over `noise`."""
+        """Noise level at each time, relative to `noise`."""
         self._anchor_searches = [s for s in self._searches if isinstance(s, AnchorSearch)]
         self._bursts = Bursts(grid, tag.pulse_width_s)
         # The cells of all rates are the same.
         self._searches[0].pass_on = self._bursts.add
         self._begun = 0
         self._kind: tuple[int, ...] | None = None
-        """What never changes of what bands that go on together have in common; None: alone."""
+        """Constant properties shared by bands that advance together; None: it advances
+        alone."""
         if grid.halves is not None and len(self._anchor_searches) == len(self._searches):
             kinds = [search.kind() for search in self._anchor_searches]
             self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
         self._excluded = bounds.excluded_rows(grid.offsets_hz)
         self._unsure = False
-        """Whether the noise is known worse than usually: a narrow band's for ten seconds."""
+        """True while the noise is uncertain: for ten seconds in a narrow band."""
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
         self._heard_s = 0.0
@@ -103,7 +104,7 @@ class SearchBand:
         return self._noise.level * self.leveller.rows_now
 
     def note_cleaning(self, *, many_lines: bool, whitened: bool) -> None:
-        """Learn whether many lines are taken out, and whether the noise is whitened."""
+        """Set whether many lines are removed, and whether the noise is whitened."""
         for search in self._anchor_searches:
             if search.null is not None:
                 search.null.coloured = many_lines or whitened
@@ -116,8 +117,8 @@ class SearchBand:
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
         """Transform and search the clean samples up to an index.
 
-        `last`: nothing follows: test what only silence would complete.
-        Returns: best candidates first; None while the noise is not known.
+        `last`: the stream ends: test incomplete hypotheses, too. Returns the best candidates
+        first; None while the noise is unknown.
         """
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
@@ -142,9 +143,9 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """What bands that `advance_together` to such an index must have in common.
+        """Properties that bands in one call of `advance_together` must share.
 
-        None: this one must go alone.
+        None: this one must advance alone.
         """
         spectrogram = self._spectrogram
         first = spectrogram.needed()
@@ -159,12 +160,12 @@ class SearchBand:
         return (*key, *self._kind)
 
     def know(self, pulses: KnownPulses | None) -> None:
-        """Leave out the candidates that known pulses explain, from the next step on."""
+        """Suppress the candidates that known pulses explain, from the next step on."""
         for search in self._searches:
             search.known = pulses
 
     def anchor_searches(self) -> list[AnchorSearch]:
-        """Get the searches whose cells may lie in one memory."""
+        """Get the searches whose cells may share one memory."""
         return self._anchor_searches
 
     def _take(self, power: NDArray[np.float32], *, last: bool) -> None:
@@ -173,9 +174,9 @@ class SearchBand:
             self._learn(power, begin, last=last)
 
     def bursts(self, known: Sequence[Known]) -> Bursts:
-        """What else is on air, up to the present.
+        """Other signals up to the present.
 
-        `known`: pulses of tags that are sure: no bursts.
+        `known`: pulses of confirmed tags, which are not bursts.
         """
         search = self._searches[0]
         self._bursts.look(
@@ -188,19 +189,19 @@ class SearchBand:
         return self._bursts
 
     def score(self) -> float:
-        """Best statistic since the last call over its threshold, of what did not reach it."""
+        """Highest statistic over its threshold since the last call, among those below 1."""
         best = max(search.best for search in self._searches)
         for search in self._searches:
             search.best = 0.0
         return min(best, 0.999)
 
     def weakest_enr_db(self) -> float:
-        """ENR [dB] at which nine groups of ten reach the threshold in force."""
+        """ENR [dB] at which nine groups of ten reach the present threshold."""
         search = self._searches[0]
         return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
 
     def take_over(self, other: "SearchBand", upto: int) -> None:
-        """Begin at an index, in mid-stream, with the noise of a band that holds this one."""
+        """Begin at an index in mid-stream with the noise of a band that includes this one."""
         grid = self._grid
         column = 8 * math.ceil((upto + grid.reach) / grid.hop / 8.0)
         self._column = self._begun = column
@@ -215,7 +216,7 @@ class SearchBand:
     def _columns(
         self, spectrogram: Spectrogram, upto: int, *, last: bool
     ) -> NDArray[np.float32]:
-        """The next columns, from the samples up to an index; behind the last come zeros."""
+        """The next columns, up to a sample index; zeros follow the last sample."""
         first = spectrogram.needed()
         if first >= upto:
             return np.zeros((0, self._grid.rows), np.float32)
@@ -229,7 +230,7 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """All columns so far, made again: to keep them until the noise is known is 0.3 MB."""
+        """All columns so far, recomputed, which saves 0.3 MB before the noise is known."""
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
         if at:
@@ -273,7 +274,7 @@ class SearchBand:
                 self._learnt.clear()
 
     def _trust_noise(self, *, always: bool = False) -> None:
-        """Search with what the noise's error asks for, until that is no more than usual."""
+        """Raise the threshold by the noise's error until that is no more than usual."""
         if not (self._unsure or always):
             return
         error = self._noise.relative_error
@@ -283,7 +284,7 @@ class SearchBand:
         self._unsure = error > USUAL_NOISE_ERROR
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
-        """Get the factor on each column that makes up for lost samples; None: none are lost."""
+        """Get the factor on each column that compensates lost samples; None: none are lost."""
         first = np.arange(begin, begin + count) * self._grid.hop
         return self._buffer.weights(first, self._grid.window)
 
@@ -305,7 +306,7 @@ class SearchBand:
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
     ) -> NDArray[np.bool_]:
-        """Which columns have no sample of any of the stretches, shape (count,)."""
+        """True for columns without a sample of any of the stretches, shape (count,)."""
         grid = self._grid
         whole = np.ones(count, np.bool_)
         for low, high in reversed(stretches):
@@ -319,7 +320,7 @@ class SearchBand:
 def advance_together(
     bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
 ) -> list[list[tuple[RateSearch, list[Candidate]]]]:
-    """Do as `SearchBand.advance` for bands that have the same `batch_key`."""
+    """Run `SearchBand.advance` for bands with the same `batch_key`."""
     power = push_together(
         [band._spectrogram for band in bands],
         [
@@ -385,10 +386,10 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """How soon a group can reach a threshold: before, no noise needs to be known.
+    """Earliest time at which a group can reach a threshold; until then no noise is needed.
 
-    A cell adds no more than the limit, so a threshold needs several pulses, the last of them
-    some intervals after the stream's first sample.
+    A cell adds at most the limit, so a threshold needs several pulses, the last of them some
+    intervals after the stream's first sample.
     """
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)

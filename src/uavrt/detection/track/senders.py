@@ -1,11 +1,11 @@
 """Decide which listed tag sent a train of pulses when several could have.
 
-Detectors whose bands overlap hear the same pulses, and each would take them for its own tag's.
-Here their tracks are put together: tracks of the same pulses are one train, and each train is
-given to one tag, each tag one train, by interval and frequency. A declared uncertainty is read
-as three standard deviations of a normal error, and as a bound. Where another tag is no less
-than a twentieth as likely, its number is given with the pulses' own. What was measured of a
-tag's interval while nothing else could have sent it is kept, and decides later.
+Detectors with overlapping bands receive the same pulses, and each would report them as its own
+tag's. Here tracks of the same pulses are merged into one train, and trains are assigned one to
+one to tags, by interval and frequency. A declared uncertainty is read as three standard
+deviations of a normal error, and as a bound. If another tag is at least a twentieth as likely,
+its number is reported with the pulses. A tag's interval measured without competing tags is kept
+for later decisions.
 """
 
 import math
@@ -34,36 +34,37 @@ from uavrt.messages import Tag
 CERTAIN = math.log(20.0)
 """Log likelihood ratio at which another tag is ruled out."""
 INTERVAL_DRIFT = 2e-3
-"""Relative change of a tag's interval within a flight that what was learnt must allow for. The
-crystals and oscillators of tags keep to 1e-4 and 1e-3 over the temperatures of a day."""
+"""Relative change of a tag's interval within a flight that its measured value must allow for.
+The crystals and oscillators of tags keep to 1e-4 and 1e-3 over the temperatures of a day."""
 _SIGMAS = 2.5
-"""Of the measured interval, beyond a tag's bound."""
+"""Tolerance of the measured interval beyond a tag's bound [standard deviations]."""
 _BOUND_SIGMAS = 3.0
 """A declared bound in standard deviations of the error behind it."""
 _USUAL_HZ = 500.0
-"""Tags are off by no more, however wide the search is."""
+"""Largest frequency error of a tag, even with a wider search [Hz]."""
 _MOST_MISS = 30.0
-"""Squared standard deviations of a frequency: the search goes as far as it is set to."""
+"""Limit of a frequency's squared deviation: tags may be off as far as the search goes."""
 _STAYS = 1.0
 """Log likelihood ratio at which a train moves from its tag to another."""
 _GIVEN = 50.0
-"""Worth of giving a train to any tag: more than all that distinguishes tags."""
+"""Value of assigning any tag: more than all that distinguishes tags."""
 _RELEARN_NS = 60e9
-"""So long a tag must be heard with another interval than was learnt before that is given up."""
+"""Time for which a tag must be received with another interval before the learnt one is
+dropped."""
 _MOST_TRAINS = 6
-"""Trains of one band at most that are shared out: those heard last."""
+"""Most trains of one band that are assigned: the last received."""
 _REMEMBERED_NS = 40_000_000_000
-"""Pulses of confirmed trains are known for so long: longer than bursts are remembered."""
+"""Time for which pulses of confirmed trains are kept: longer than bursts are remembered."""
 _SMALL_RATIOS = (2, 1), (3, 1), (3, 2)
 _Figures = tuple[float, float, float, tuple[tuple[int, bool], ...]]
 """Interval, its deviation, frequency, and the detectors that follow a train, held or not."""
 _Share = tuple[int, int, tuple[int, ...], bool]
-"""Place of a train, number of its tag, numbers of others that it may be, and whether none that
-it was weighed against is still in question."""
+"""Index of a train, number of its tag, numbers of other possible tags, and whether all of its
+competitors are ruled out."""
 
 
 def part(one: Tag, two: Tag) -> "Parting":
-    """Describe how far the intervals of two tags, heard alone, distinguish them."""
+    """Describe how far the intervals of two tags distinguish them if received alone."""
     pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
     gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
     room_s = gap_s - 2.0 * CLOCK_ERROR * nominal_s
@@ -87,10 +88,10 @@ def part(one: Tag, two: Tag) -> "Parting":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Find the small ratio at which the intervals of two tags may be, by their bounds.
+    """Find a small ratio that the intervals of two tags may have, within their bounds.
 
-    Returns: of the longer interval to the shorter one: 2 to 1, 3 to 1 or 3 to 2. The pulses
-    that both have are each as good for the one as for the other.
+    Returns the longer to the shorter: 2 to 1, 3 to 1 or 3 to 2. Common pulses then fit both
+    tags equally.
     """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
@@ -108,16 +109,16 @@ def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parting:
-    """What distinguishes two tags of one band."""
+    """How two tags of one band differ."""
 
     gap_s: float
-    """Between their nearest intervals."""
+    """Gap between their nearest intervals."""
     certain: bool
-    """Whether one received alone is identified, whatever its error within its bound."""
+    """True if one received alone is identified, whatever its error within its bound."""
     uncertainty_s: float
-    """With less than this declared for each they are."""
+    """Declared uncertainty of each below which they are identified."""
     pulses: int | None
-    """Pulses that measure the gap; None: it is less than tags drift, nothing parts them."""
+    """Pulses needed to measure the gap; None: the gap is less than tags drift."""
     seconds: float | None
 
 
@@ -126,17 +127,17 @@ class _Learnt:
     """The measured interval of a tag."""
 
     scale: float
-    """To the nominal one."""
+    """Ratio to the nominal interval."""
     bound: float
-    """Relative."""
+    """Relative uncertainty."""
     otherwise_ns: float | None = None
-    """Since when the tag was heard with another interval."""
+    """Time since which the tag was received with another interval."""
 
 
 class Senders(Generic[H]):
-    """Shares out trains among the tags of detectors with overlapping bands.
+    """Assigns trains to the tags of detectors with overlapping bands.
 
-    `hearers`: the detectors; their order says nothing.
+    `hearers`: the detectors, in any order.
     """
 
     def __init__(self, hearers: Sequence[H]) -> None:
@@ -152,17 +153,17 @@ class Senders(Generic[H]):
         )
         self._near_ns = 0.75e9 * max(hearer.tag.pulse_width_s for hearer in self.hearers)
         self._picture: list[_Figures] = []
-        """By which figures trains were shared out last, and how."""
+        """Properties by which trains were last assigned, and the result."""
         self._shared: list[_Share] = []
         self._heard: dict[int, tuple[float, float]] = {}
-        """Pulses of confirmed trains, for 40 s, by time [ns]: absolute frequency, power. They
-        are no bursts to any tag."""
+        """Pulses of confirmed trains in the last 40 s, by time [ns]: absolute frequency, power.
+        They are not bursts for any tag."""
         self._heard_ns = np.zeros(0, np.int64)
-        """Their times; with hundreds of tags they are many, and asked for with every pulse."""
+        """Their times as an array, since they are read with every pulse."""
         self._heard_how = np.zeros((0, 2))
 
     def settle(self) -> None:
-        """Assign each train to one tag, and let the detectors report what is theirs."""
+        """Assign each train to a tag, and let the detectors report their pulses."""
         if not any(hearer.tracks for hearer in self.hearers):
             return
         self._remember()
@@ -196,14 +197,12 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Forget the tracks that only pulses of other tags have begun, or just confirmed.
+        """Drop tracks that only pulses of other tags have begun or just confirmed.
 
-        One strong pulse and the best noise an interval before and after it make a group of any
-        tag, and a strong pulse that the lattice of such a group happens upon would confirm it.
-
-        `trains`: all; the tracks are taken out of them.
-        `given`: those shared out, as `_share_out` gives them.
-        Returns: whether there were any.
+        One strong pulse and the largest noise an interval before and after it make a group of
+        any tag, and another strong pulse on its lattice would confirm it. `trains`: all; the
+        tracks are removed from them. `given`: those assigned, as `_share_out` returns them.
+        Returns whether there were any.
         """
         dropped: set[int] = set()
         unsettled = [
@@ -276,8 +275,8 @@ class Senders(Generic[H]):
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Get the pulses of confirmed trains of the last 40 s at some frequencies.
 
-        `wanted`: says which of some absolute frequencies are meant.
-        Returns (times_ns, heard): (n,); (n, 2), absolute frequency and power of each.
+        `wanted`: selects among absolute frequencies. Returns (times_ns, heard): (n,); (n, 2),
+        absolute frequency and power of each.
         """
         some = wanted(self._heard_how[:, 0])
         return self._heard_ns[some], self._heard_how[some]
@@ -297,7 +296,7 @@ class Senders(Generic[H]):
     def _share_out(
         self, trains: list[Train[H]]
     ) -> list[tuple[Train[H], int, tuple[int, ...], bool]]:
-        """Share out trains: as `_Share`, with the train itself."""
+        """Assign trains: as `_Share`, with the train itself."""
         picture = [_figures(train) for train in trains]
         if picture != self._picture:
             self._picture, self._shared = picture, self._share_out_anew(trains)
@@ -316,7 +315,7 @@ class Senders(Generic[H]):
     def _share_out_part(
         self, trains: list[Train[H]], likely: list[dict[int, float]]
     ) -> list[_Share]:
-        """Share out trains that compete; `likely` is with the worth of any tag."""
+        """Assign competing trains; `likely` includes the value of any tag."""
         behind = losses(likely, best_sharing(likely))
         able: list[dict[int, float]] = []
         possible: list[list[int]] = []
@@ -339,7 +338,7 @@ class Senders(Generic[H]):
         ]
 
     def _likely(self, train: Train[H]) -> dict[int, float]:
-        """Log-likelihood of a train for each tag that it may be, and what any tag is worth."""
+        """Log-likelihood of a train for each possible tag, and the value of any tag."""
         values = {h.tag.tag_id: self._likelihood(train, h) for h in self._near(train)}
         return {i: value + _GIVEN for i, value in values.items() if value > -math.inf}
 
@@ -356,9 +355,9 @@ class Senders(Generic[H]):
         return sorted(near, key=lambda hearer: hearer.tag.tag_id)
 
     def _give_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
-        """Give a train that is not certain yet to the likeliest tag that has none.
+        """Assign an uncertain train to the likeliest tag without one.
 
-        `owned`: tags that have a train, and whether it is certainly theirs.
+        `owned`: tags with a train, and whether it is certainly theirs.
         """
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}
@@ -413,7 +412,7 @@ class Senders(Generic[H]):
 
 
 def _figures(train: Train[H]) -> _Figures:
-    """All that matters of a train when it is shared out, so far as it does."""
+    """Properties of a train that affect its assignment, rounded accordingly."""
     return (
         round(train.interval_s, 3),
         round(train.sigma_s, 3),
@@ -423,7 +422,7 @@ def _figures(train: Train[H]) -> _Figures:
 
 
 def _bound_s(tag: Tag, nominal_s: float) -> float:
-    """Largest error of an interval as declared; one crystal makes both rates."""
+    """Largest declared error of an interval; one crystal makes both rates."""
     shortest_s = min(tag.pulse_intervals_s)
     return tag.interval_uncertainty_s * nominal_s / shortest_s + CLOCK_ERROR * nominal_s
 
@@ -438,7 +437,7 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
 
 
 def _in_question(track: Track) -> list[Slot]:
-    """Pulses for which a track is believed, until it is reported as confirmed."""
+    """True for tracks with pulses whose assignment is open until they are confirmed."""
     if track.dead or track.shared_as_confirmed:
         return []
     accepted = [slot for slot in track.slots if slot.state in ("accepted", "reported")]
@@ -472,13 +471,13 @@ def _give(train: Train[H], tag_id: int | None, others: tuple[int, ...]) -> None:
 
 
 class _Reported(Generic[H]):
-    """Pulses reported so far, indexed by frequency: of hundreds of tags few are near one."""
+    """Pulses reported so far, indexed by frequency: few of hundreds of tags share one."""
 
     def __init__(self) -> None:
         self._places: dict[int, list[tuple[H, float, list[int]]]] = {}
 
     def add(self, hearer: H, track: Track, times_ns: list[int]) -> None:
-        """Note what a detector has reported of a track."""
+        """Record a detector's reported pulses of a track."""
         if times_ns:
             at_hz = hearer.absolute_hz(track)
             place = math.floor(at_hz / SAME_FREQUENCY_HZ)

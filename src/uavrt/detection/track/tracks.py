@@ -1,8 +1,8 @@
 """Tracks: a tag followed from pulse to pulse through misses.
 
 A track holds the phase and the interval (Kalman filter), the frequency, and the last pulse
-slots of the lattice. Where the next pulse is expected is so small a volume that its threshold
-is far below that of the search: 1.3 dB and more at K = 3.
+slots of the lattice. The next pulse is expected in so small a volume that its threshold is far
+below that of the search: 1.3 dB and more at K = 3.
 """
 
 import math
@@ -17,65 +17,67 @@ from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_empty, log
 from uavrt.messages import Tag
 
 CONFIRM_FALSE = 0.0005
-"""Chance that noise confirms a tentative track, a test; of groups of noise 0.2 to 0.6 %."""
+"""Chance that noise confirms a tentative track, per test; 0.2 to 0.6 % of noise groups."""
 _CONFIRM_LONG_FALSE = 0.002
-"""Of groups longer than eight: their many weak pulses are confirmed late enough."""
+"""The same for groups longer than eight, whose weak pulses are confirmed late."""
 _MORE_TESTS = 2
-"""Beyond K: at 9 dB three places confirm one track in two, five three in four."""
+"""Tests beyond K: at 9 dB three places confirm one track in two, five three in four."""
 FOLLOW_FALSE = 0.01
-"""Chance that noise is taken as a pulse of a confirmed track, per K intervals."""
+"""Chance that noise is accepted as a pulse of a confirmed track, per K intervals."""
 _MOST_TESTS = 40
-"""Of a track that noise does not explain, until it is known to be no accident of bursts."""
+"""Most tests of a track that is not noise, until it is known to be no chance series of
+bursts."""
 _ODDS_LOST = 4.0
-"""Below the best they were, after which such a track ends: three empty places."""
+"""Fall of the odds from their maximum at which such a track ends: three empty places."""
 COAST_PULSES = 10
-"""Expected pulses without one accepted, after which a track is lost."""
+"""Consecutive missed pulses after which a track is lost."""
 FIRST_TRUST = 3.0
 """Log odds of a track just confirmed: three places without a pulse end it."""
 MOST_TRUST = 15.0
-"""Log odds of an old one: ten such places, as `COAST_PULSES`."""
+"""Largest log odds of a track: ten such places end it, as `COAST_PULSES`."""
 _TRUST_LOST = 1.4
-"""By a place without a pulse, however empty: one tag's pulse in four is faded."""
+"""Loss by a place without a pulse, however empty: one pulse in four is faded."""
 _TRUST_WON = 4.0
 _VOUCHED_FROM = 6.0
-"""Of less trust, a track's pulses are accepted by their own power alone. What began a track of
-noise and confirmed it are its largest peaks of many: with these to vouch, a third of all places
-of noise passed."""
+"""Log odds below which a track's pulses are accepted by their own power alone. The peaks that
+began and confirmed a track of noise are the largest of many; with their help a third of all
+noise places passed."""
 _SURE_TRUST = 10.0
 MOST_TOLD_BY_ONE = 8
-"""Most pulses of a decision of which a single one is evidence; of longer groups, the sums."""
+"""Most pulses of a decision of which a single one is evidence; for longer groups, sums."""
 _SAID_BY_POWER = (0.93, -1.9)
-"""Log-likelihood ratio of a pulse of 9 dB to none, by a cell's power: slope and value at zero
-of the straight line along log I0(2 sqrt(8 P)) - 8 from P = 4 to 14 (within 0.6)."""
+"""Log-likelihood ratio of a pulse of 9 dB to noise by a cell's power: slope and intercept of
+the line along log I0(2 sqrt(8 P)) - 8 from P = 4 to 14 (within 0.6)."""
 MORE_CELLS = 5.0
-"""Cells of a window that noise is seen in at its best, to those of `volume`: every sample and
-every frequency is looked at, and the best is climbed to. Measured on the maxima of noise."""
+"""Factor on `volume` for the largest noise in a window: every sample and frequency is examined,
+with interpolation. Measured on maxima of noise."""
 WEAKEST_POWER = 3.0
-"""A pulse below this is not reported even as a member of a group: it is mostly noise."""
+"""Power below which a pulse is mostly noise and is not reported, even in a group."""
 WEAKEST_SHARE = 0.35
-"""Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
+"""Least share of a group's power for each pulse: unmasks two strong pulses with noise as a
+third."""
 VOUCH = 2.0
 _FELLOW_SHARE = 0.2
 _HALF_EMPTY = (-2.5, 4.0)
-"""Log odds at every second place below the first value, and at the other places above the
-second, mean that the tag has twice the interval and that noise lies between its pulses."""
+"""Log odds at every second place below the first value, and at the others above the second,
+mean that the tag has twice the interval with noise between its pulses."""
 _HALF_KEPT = 0.85
 _HALF_FALSE = 0.01
-"""Factor on the allowed number of false pulses where the tag sends nothing."""
+"""Factor on the allowed number of false pulses at places where the tag does not send."""
 _SURE_POWER = 12.0
-"""Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
+"""Power at which three pulses, an interval apart, are confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
 """Standard deviation of the interval's change from pulse to pulse, relative."""
 CLOCK_ERROR = 3.0e-4
 """Relative error of the sample clock that the interval's uncertainty must cover."""
 MOST_DRIFT_HZ = 15.0
-"""A crystal that warms up changes by some hertz from pulse to pulse; more is noise."""
+"""Largest change of frequency from pulse to pulse; a warming crystal changes by some hertz."""
 _PHASE_WALK_S = 0.3e-3
 _STEADY_GAIN = 0.1
-"""The scatter of the frequency is a quarter of a single pulse's."""
+"""Gain of the slow frequency average, whose scatter is a quarter of a single pulse's."""
 
 _PAST_PULSES = 24
-"""Three times the interval of another track's six slots, and one that began before them."""
+"""Pulse times kept: three times the interval of another track's six slots, and earlier ones."""
 
 SlotState = Literal["open", "accepted", "reported", "missed"]
 Around = Callable[["Track", Measured], OnAir]
@@ -83,7 +85,7 @@ Around = Callable[["Track", Measured], OnAir]
 
 @dataclass(slots=True)
 class Slot:
-    """One expected pulse of a track and what was found there."""
+    """One expected pulse of a track and the detection there."""
 
     number: int
     """Place in the lattice, from 0 at the track's first pulse."""
@@ -91,12 +93,12 @@ class Slot:
     time_ns: int
     measured: Measured
     volume: float
-    """Independent cells searched."""
+    """Number of independent cells searched."""
     state: SlotState = "open"
     disputed: bool = False
-    """Whether it is not certain at which of two rates it was sent."""
+    """True if it is uncertain at which of two rates it was sent."""
     on_air: OnAir = QUIET
-    """What else was on air around it."""
+    """Rates of other signals around it."""
     no_burst: float = 0.0
     """Log odds that it is the tag's and not a burst."""
     said: float = 0.0
@@ -112,11 +114,11 @@ class Track:
     offset_hz: float
     score: float
     steady_hz: float = 0.0
-    """Average of the frequency over more pulses than `offset_hz` follows it with."""
+    """Frequency averaged over more pulses than `offset_hz`."""
     placed: bool = False
-    """Whether its frequency was given a place in the channel."""
+    """True if its frequency was assigned a place in the channel."""
     drift_hz: float = 0.0
-    """Change of the frequency from pulse to pulse."""
+    """Change of the frequency per pulse."""
     time_s: float = 0.0
     interval_s: float = 0.0
     variance: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -126,19 +128,19 @@ class Track:
     slots: list[Slot] = field(default_factory=list)
     """Recent slots, oldest first."""
     past_ns: list[int] = field(default_factory=list)
-    """Times of accepted pulses whose slots are no longer kept: a track of a longer interval
-    has its pulses further back."""
+    """Times of accepted pulses whose slots are no longer kept, for comparison with tracks of
+    longer intervals."""
     confirmed: bool = False
     held: bool = False
     """Not reported until confirmed: another track has the tag's identity."""
     clashing: bool = False
-    """It began with a pulse of another track."""
+    """True if it began with a pulse of another track."""
     alternatives: tuple[int, ...] = ()
     """Numbers of other listed tags that it may be (senders.py)."""
     shared_as_confirmed: bool = False
-    """Whether it was confirmed when that was decided."""
+    """True if it was confirmed at that decision."""
     ghost_of: int | None = None
-    """Number of the stronger tag whose ghost it is (ghosts.py)."""
+    """Number of the stronger tag of which it is a ghost (ghosts.py)."""
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
@@ -148,24 +150,24 @@ class Track:
     """Group sequence of each group of K lattice places."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
-    """Log odds that it is no chance of what else is on air, with all that may begin so."""
+    """Log odds that it is not a chance series of other signals, of all that may begin so."""
     best_odds: float = 0.0
     in_doubt: bool = False
-    """Whether it was likelier an accident of bursts than is reported, at any time."""
+    """True if a chance series of bursts was more likely than reporting allows, at any time."""
     stands_out: bool = False
-    """Whether noise alone would hardly have brought it so far."""
+    """True if noise alone would hardly have brought it so far."""
     interval_open: bool = False
-    """Whether its pulses are too few to distinguish its interval from others'."""
+    """True if its pulses are too few to distinguish its interval from others'."""
     trust: float = MOST_TRUST
     """Log odds that a confirmed track is a tag: raised by pulses, lowered by empty places."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """The same transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
-    """The last pulse at which the rate is known not to have changed; a rival's beginning."""
+    """Time of the last pulse before which the rate is known; a rival begins there."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
     """Log odds that the tag sends at the even and at the odd places; old evidence decays."""
     certain_s: float = math.inf
-    """Until when the rate is certain; a pulse after that waits for its label."""
+    """Time until which the rate is certain; later pulses wait for their label."""
 
     def begin(
         self, pulses: list[tuple[int, float, int, Measured]], around: Around = lambda *_: QUIET
@@ -173,8 +175,7 @@ class Track:
         """Start from a detected group.
 
         `pulses`: each (place, time_s, time_ns, Measured), in order of time; places count
-        intervals from 0.
-        `around`: reports what else is on air around a track's place.
+        intervals from 0. `around`: reports other signals around a track's place.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
@@ -218,10 +219,10 @@ class Track:
         self.trust = min(MOST_TRUST, FIRST_TRUST + max(0.0, self.odds))
 
     def go_on_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
-        """Continue from a pulse of a known transmitter, with another interval.
+        """Continue from a pulse of a known transmitter with another interval.
 
-        `slot`: of the track that heard it, which reports it.
-        `share`: of the tag's uncertainty that the interval has.
+        `slot`: of the track that detected it, which reports it. `share`: share of the tag's
+        uncertainty that the interval has.
         """
         self.interval_s = interval_s
         self._know_little(slot.measured.power, share)
@@ -236,11 +237,10 @@ class Track:
         base: int,
         around: Around = lambda *_: QUIET,
     ) -> None:
-        """Take the new pulses of a group that was found without this track's help.
+        """Add the new pulses of a group that was found independently of this track.
 
-        `base`: place in the lattice of the group's place 0.
-        `around`: reports what else is on air around a track's place.
-        `pulses`: each (place, time_s, time_ns, Measured).
+        `base`: place in the lattice of the group's place 0. `around`: reports other signals
+        around a track's place. `pulses`: each (place, time_s, time_ns, Measured).
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])
@@ -270,7 +270,7 @@ class Track:
 
     @property
     def sure(self) -> bool:
-        """Whether its pulses are certainly no bursts."""
+        """True if its pulses are certainly no bursts."""
         return self.confirmed and not self.dead and self.trust > _SURE_TRUST
 
     def expected(self) -> tuple[float, float]:
@@ -291,7 +291,7 @@ class Track:
         return independent_cells(half_s, half_band_hz, self.tag.pulse_width_s)
 
     def step(self, slot: Slot) -> None:
-        """Take what was found at the next expected pulse."""
+        """Process the result at the next expected pulse."""
         self._predict()
         self.number += 1
         self.offset_hz += self.drift_hz
@@ -321,7 +321,7 @@ class Track:
                 self.dead = True
 
     def skip(self) -> None:
-        """Pass over an expected pulse that cannot be looked at: its samples are lost."""
+        """Skip an expected pulse whose samples are lost."""
         self._predict()
         self.number += 1
         self.offset_hz += self.drift_hz
@@ -330,7 +330,7 @@ class Track:
             self.dead = True
 
     def doubt(self, since_s: float) -> None:
-        """Ask for a new confirmation, as its phase may be lost; count seconds from a time."""
+        """Require a new confirmation, as its phase may be lost; count seconds from a time."""
         self.confirmed = False
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, MOST_TRUST
@@ -391,12 +391,12 @@ class Track:
         self.halves[half] = _HALF_KEPT * self.halves[half] + said
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """Whether a place lies half-way between pulses of a tag with twice the interval."""
+        """True for a place half-way between the pulses of a tag with twice the interval."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < _HALF_EMPTY[0] and other > _HALF_EMPTY[1]
 
     def against_bursts(self, slot: Slot) -> float:
-        """Log odds that what is at the next expected place is no burst of something else."""
+        """Log odds that the detection at the next expected place is no burst."""
         phase, cross, interval = self.variance
         phase += 2.0 * cross + interval
         return self._odds(slot, self.time_s + self.interval_s, phase)
@@ -419,7 +419,7 @@ class Track:
         )
 
     def _weighed(self, slot: Slot) -> float:
-        """Log odds that what is at the expected place is neither noise nor a burst."""
+        """Log odds that the detection at the expected place is neither noise nor a burst."""
         noise = _against_noise(slot.measured.power, slot.volume)
         empty = log_empty(slot.on_air, width_s=self.tag.pulse_width_s)
         slot.no_burst = self._odds(slot, self.time_s, self.variance[0])
@@ -462,7 +462,7 @@ class Track:
                 self.last_accepted_s = max(self.last_accepted_s, weak.time_s)
 
     def _correct_frequency(self, pulse: Measured) -> None:
-        """Follow frequency and drift (alpha-beta filter, critically damped)."""
+        """Update frequency and drift (alpha-beta filter, critically damped)."""
         alpha = 0.5 if pulse.power > 30.0 else 0.3
         self.steady_hz += max(1.0 / (self.number + 1), _STEADY_GAIN) * (
             pulse.offset_hz - self.steady_hz
@@ -477,7 +477,7 @@ class Track:
         return noise_s**2 + (self.tag.interval_jitter_s / 2.0) ** 2
 
     def _know_little(self, power: float, share: float = 1.0) -> None:
-        """Phase as of one pulse; of the interval a share of what the tag leaves open."""
+        """Reset the phase to one pulse's, the interval to a share of the uncertainty."""
         spread_s = share * self.tag.interval_uncertainty_s / math.sqrt(3.0)
         interval = spread_s**2 + (CLOCK_ERROR * self.interval_s) ** 2
         self.variance = [self._timing_variance(power), 0.0, interval]
@@ -507,28 +507,28 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Least power of a pulse in a group that is more than the noise in a place.
+    """Least power of a group's pulse that stands out from noise.
 
-    Far weaker than its fellows and not sure by itself, it is noise in a group of fewer. Of many
-    places most may be noise: the strongest quarter are the fellows.
+    A pulse far weaker than the others and not certain by itself counts as noise. In a long
+    group most may be noise, so the strongest quarter is the reference.
     """
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, WEAKEST_SHARE * sum(strongest) / len(strongest))
 
 
 def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> float:
-    """Cells of a window of time and frequency in which noise is independent."""
+    """Number of independent cells of noise in a window of time and frequency."""
     return (1.0 + 5.0 * half_s / width_s) * (1.0 + 3.0 * half_band_hz * width_s)
 
 
 def _against_noise(power: float, volume: float) -> float:
-    """Log odds that the strongest cell of a window is a pulse; `volume` is its cells."""
+    """Log odds that the strongest of a window's `volume` cells is a pulse."""
     slope, start = _SAID_BY_POWER
     return slope * power + start - math.log(MORE_CELLS * volume)
 
 
 def _round(volume: float) -> float:
-    """Volumes in steps of a tenth of their logarithm, so that thresholds can be kept."""
+    """Round a volume to steps of a tenth of its logarithm, so that thresholds can be cached."""
     return math.exp(math.ceil(math.log(max(volume, 1.0)) * 10.0) / 10.0)
 
 

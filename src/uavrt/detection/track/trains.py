@@ -1,8 +1,8 @@
 """Trains: the pulses of one transmitter, as one or several detectors follow them.
 
-Detectors whose bands overlap hear the same pulses. What they follow is put together by its
-pulses, and of the tracks of one train the one that explains most is believed: a track that has
-a pulse in one place of three may be one of another interval, or of several other trains.
+Detectors with overlapping bands receive the same pulses. Tracks are merged by common pulses,
+and of the tracks in one train the one that explains most is used: a track with a pulse in one
+place of three may have another interval, or belong to several trains.
 """
 
 import math
@@ -18,20 +18,20 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _LIKELY = -6.0
-"""Log odds of a track that is about to be confirmed: it is taken for bursts while another train
-is not sure, whose pulses are counted as such. Groups are reported from about there on."""
+"""Log odds below which a track about to be confirmed counts as bursts while another train is
+uncertain. Groups are reported from about there on."""
 _SAME_SHARE = 2.0 / 3.0
-"""Least share of common pulses of two tracks that are one train; less is a collision."""
+"""Least share of common pulses in two tracks of one train; less is a collision."""
 _OTHERS_SHARE = 2.0 / 3.0
-"""Least share of pulses that are others' at which a train is none."""
+"""Share of pulses in other trains from which a train is dropped."""
 _LEAST_PULSES = 3
-"""Fewer may be others' by accident."""
+"""Least pulses for this; fewer may be others' by accident."""
 _ALIKE = 1.2
-"""Intervals in a smaller ratio are one, measured more or less well."""
+"""Ratio below which two intervals are the same, measured with different accuracy."""
 
 
 class Hearer(Protocol):
-    """What trains need from a detector."""
+    """Interface of a detector that trains use."""
 
     tag: Tag
     sample_rate_hz: float
@@ -44,18 +44,18 @@ class Hearer(Protocol):
         """Frequency of a track."""
 
     def time_ns(self, time_s: float) -> float:
-        """Time of its tracks' seconds."""
+        """Time [ns] at the tracks' seconds."""
 
     def could_be(self, frequency_hz: float) -> bool:
-        """Whether it searches there for its tag."""
+        """True if it searches for its tag at that frequency."""
 
     @property
     def now_s(self) -> float:
-        """Up to when it has searched, in its tracks' seconds."""
+        """Time up to which it has searched, in its tracks' seconds."""
 
     @property
     def half_width_hz(self) -> float:
-        """Of its search."""
+        """Half-width of its search."""
 
     def report(self, track: Track) -> None:
         """Report a track's pulses, if it is not held."""
@@ -74,16 +74,16 @@ class Train(Generic[H]):
     frequency_hz: float = 0.0
     confirmed: bool = False
     likely: bool = False
-    """Whether it is no noise, and hardly an accident of bursts."""
+    """True if it is neither noise nor, most likely, a chance series of bursts."""
     heard_ns: float = 0.0
-    """When it was heard last."""
+    """Time of its last pulse."""
     pulses_ns: list[int] = field(default_factory=list)
-    """Its newest pulses."""
+    """Times of its newest pulses."""
     explains: float = 0.0
-    """Log-likelihood of them, against no train."""
+    """Log-likelihood of the pulses, relative to no train."""
 
     def weigh_up(self) -> None:
-        """Take the best of what the tracks know."""
+        """Combine the best data of its tracks."""
         # What is not confirmed yet says nothing of a train that is, what is mere noise nothing
         # of one that is likely.
         sure = [pair for pair in self.tracks if pair[1].confirmed]
@@ -109,14 +109,14 @@ class KnownPulse:
 
     time_ns: float
     within_ns: float
-    """How far from there it may be: 0 for one that was heard."""
+    """Uncertainty of its time: 0 for one that was received."""
     frequency_hz: float
     power: float
 
     def explains(
         self, slot: Slot, frequency_hz: float, width_s: float, *, near_ns: float
     ) -> bool:
-        """Whether a pulse found at a frequency is this one, or no more than what it leaks."""
+        """True if a pulse found at a frequency is this one or its leakage."""
         if abs(slot.time_ns - self.time_ns) >= near_ns + self.within_ns:
             return False
         apart_hz = abs(frequency_hz - self.frequency_hz)
@@ -130,12 +130,12 @@ class KnownPulse:
 def put_together(hearers: Iterable[H]) -> list[Train[H]]:
     """Group the tracks of the same pulses.
 
-    A fast tag's track comes before those of twice and three times its interval that have its
-    pulses by turns: they have none in common, and are one train only by way of it.
+    A fast tag's track comes before those of twice and three times its interval, which share its
+    pulses in turn but have none in common.
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
-    """Tracks by frequency, each with the place of its train."""
+    """Tracks by frequency, each with the index of its train."""
     pairs = [
         (hearer, track)
         for hearer in hearers
@@ -157,12 +157,11 @@ def put_together(hearers: Iterable[H]) -> list[Train[H]]:
 
 
 def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[H]]:
-    """Find the trains that have hardly a pulse of their own.
+    """Find the trains with hardly a pulse of their own.
 
-    A lattice may have its places where other trains have theirs: one of 1254 ms has every
-    second pulse of one of 1881 ms, and now and then one of a third.
-
-    Returns: those that explain less than the confirmed trains of whose pulses they are made.
+    A lattice may coincide with other trains: one of 1254 ms has every second pulse of one of
+    1881 ms, and sometimes one of a third. Returns those that explain less than the confirmed
+    trains of whose pulses they consist.
     """
     found: list[Train[H]] = []
     confirmed = sorted(
@@ -213,7 +212,7 @@ def heard_ns(track: Track) -> list[int]:
 
 
 def _explains_most(track: Track) -> tuple[bool, float]:
-    """Order of tracks: first what is confirmed and explains most in a second."""
+    """Sort key of tracks: confirmed first, then by evidence per second."""
     if not track.slots:
         return not track.confirmed, 0.0
     spanned_s = track.slots[-1].time_s - track.slots[0].time_s + track.interval_s
@@ -225,7 +224,7 @@ def _is_likely(track: Track) -> bool:
 
 
 def _found_ns(track: Track) -> list[int]:
-    """Times of its newest pulses, those not accepted before it is confirmed with them."""
+    """Times of its newest pulses, including those that wait for confirmation."""
     return [slot.time_ns for slot in track.slots if _is_found(track, slot)]
 
 
@@ -234,7 +233,7 @@ def _is_found(track: Track, slot: Slot) -> bool:
 
 
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
-    """Of the tracks of one train those that none of another interval is far likelier than."""
+    """Of the tracks in one train, those for which no other interval is far more likely."""
     intervals_s = [track.interval_s for _, track in pairs]
     if max(intervals_s) < _ALIKE * min(intervals_s):
         return pairs
@@ -255,7 +254,7 @@ def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
 
 
 def _is_active(track: Track, now_s: float) -> bool:
-    """Whether a track is no mere memory; a tentative one always is."""
+    """True if a track received pulses lately; always for a tentative one."""
     return not track.confirmed or now_s - track.last_accepted_s < 5.0 * track.interval_s
 
 

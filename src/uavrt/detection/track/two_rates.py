@@ -1,17 +1,16 @@
-"""Decide which of its two rates a tag is sending at by comparing both lattices.
+"""Decide at which of its two rates a tag is sending, by comparing both lattices.
 
 Every second pulse of a rate is a train of twice its interval, so a pulse that a track expects
-may yet be of the other rate. The other rate is followed with the track from each pulse at
-which the tag may have switched; what the samples say since then of each is a sum of
-log-likelihood ratios, a pulse against none, over the places that each expects. A pulse is
-confirmed at a rate once that rate leads.
-
-At rates of 1 : 2 the first pulse after a switch to the longer rate lies where the shorter one
-expects every second pulse, and keeps the old rate's number.
+may yet be of the other rate. The other rate is followed from each pulse at which the tag may
+have switched; the evidence for each is a sum of log-likelihood ratios, a pulse against none,
+over its expected places. A pulse is confirmed at a rate once that rate leads. At rates of 1 : 2
+the first pulse after a switch to the longer rate lies where the shorter one expects every
+second pulse, and keeps the old rate's number.
 
 A pulse that both rates expect waits until one rate leads by a log-likelihood of 8, and is
-reported as detected after two and a half of the longer intervals. Reported at once, about two
-pulses after each switch were confirmed at the wrong rate; so, none in 256 switches at 14 dB.
+reported as detected after two and a half of the longer intervals. Without waiting, about two
+pulses after each switch were confirmed at the wrong rate; with it, none in 256 switches at 14
+dB.
 """
 
 import math
@@ -22,12 +21,12 @@ from uavrt.detection.track.tracks import Slot, Track
 WINS = 8.0
 """Lead in log-likelihood that decides: one clear pulse that one rate lacks."""
 PATIENCE_INTERVALS = 2.5
-"""Longer intervals that a pulse waits for its label; then it is only `detected`."""
+"""Longest wait of a pulse for its label [longer intervals]; then it is only `detected`."""
 
 _RATIO_SHARE = 0.25
-"""Of an interval's uncertainty, once the tag is followed at the other rate."""
+"""Share of an interval's uncertainty, once the tag is followed at the other rate."""
 MOST_RIVALS = 8
-"""Pulses back to which a switch may yet have been."""
+"""Pulses back to which a switch is considered."""
 
 
 def log_evidence(power: float, strength: float) -> float:
@@ -43,7 +42,7 @@ def log_evidence(power: float, strength: float) -> float:
 
 
 def set_up_rivals(track: Track) -> None:
-    """Let the other rate begin at each pulse heard at which no rival has begun yet."""
+    """Start the other rate at each received pulse without a rival."""
     since_s = max((rival.settled_s for rival in track.at_other_rate), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
     for slot in track.slots:
@@ -63,16 +62,15 @@ def _rival(track: Track, start: Slot) -> Track:
 
 
 def lags(track: Track, rival: Track) -> bool:
-    """Whether the rival expects a pulse no later than the track's last place."""
+    """True if the rival expects a pulse no later than the track's last place."""
     return rival.expected()[0] < track.time_s + _margin_s(track)
 
 
 def settle_rivalry(track: Track) -> Track | None:
-    """Decide between the rates where one leads; both have been looked at to the same time.
+    """Decide between the rates if one leads; both must be evaluated to the same time.
 
-    `track`: changed in place: drops the tracks that it beats and knows until when it is
-    certain.
-    Returns: the rival that the track must become.
+    `track`: changed in place: drops the tracks that it beats and updates the time until which
+    it is certain. Returns the rival that the track must become.
     """
     upto_s = track.time_s + _margin_s(track)
     enr = strength(track)
@@ -102,14 +100,12 @@ def settle_rivalry(track: Track) -> Track | None:
 
 
 def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate hangs on at which pulse the tag has switched.
+    """Mark the pulses whose rate depends on when the tag switched.
 
-    That it has is certain, but a peak of noise where one rate alone has a place can make
-    another pulse than the true one the likelier.
-
-    `track`, `winner`: what has been followed so far, and what it becomes; their slots are
-    changed.
-    `starts_s`: all pulses that may have been the last before the switch.
+    The switch is certain, but a noise peak where only one rate has a place can make a wrong
+    pulse the likelier one. `track`, `winner`: the track so far, and the one that it becomes;
+    their slots are changed. `starts_s`: all pulses that may have been the last before the
+    switch.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -139,16 +135,14 @@ def _between(track: Track, since_s: float, upto_s: float) -> list[Slot]:
 
 
 def _margin_s(track: Track) -> float:
-    """Places of the two rates closer than this are the same."""
+    """Distance below which places of the two rates are the same."""
     return 0.25 * min(track.tag.pulse_intervals_s)
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Say what places are for their being a pulse in each of them.
+    """Log-likelihood ratio for a pulse in each of some places, against noise.
 
-    The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
-
-    Returns: log-likelihood ratio to noise in all of them.
+    The largest of V cells replaces the mean of their likelihoods: hence the logarithm of V.
     """
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
@@ -158,8 +152,8 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 def strength(track: Track) -> float:
     """ENR of the recent accepted pulses, limited to what a fade leaves.
 
-    Of the last four the stronger half: after a switch to the longer interval every second is
-    noise, and no reason to expect weaker pulses.
+    Uses the stronger half of the last four: after a switch to the longer interval every second
+    is noise, which does not mean weaker pulses.
     """
     recent = [s.measured.enr for s in track.slots if s.state in ("accepted", "reported")]
     strongest = sorted(recent[-4:])[-2:]

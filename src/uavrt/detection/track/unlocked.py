@@ -1,10 +1,9 @@
 """The mode that never locks: every group is found independently.
 
-No track looks for the next pulse; every pulse is in a group that reached the threshold of the
-search. What is left to do is to know a pulse again that several groups have, and to number the
-groups: K places of the lattice that the first group began are one group, as in the other modes.
-A group that goes on with the one before, in time and frequency, confirms it (the rule of the
-original).
+No track predicts the next pulse; every pulse is in a group that reached the threshold of the
+search. This module recognises a pulse shared by several groups and numbers the groups: K places
+of the lattice that the first group began are one group, as in the other modes. A group that
+continues the one before, in time and frequency, confirms it (the rule of the original).
 """
 
 import math
@@ -16,7 +15,7 @@ from uavrt.detection.track.chance import OnAir
 from uavrt.detection.track.tracks import Track
 
 SAME_FREQUENCY_HZ = 100.0
-"""Groups closer than this may be the same tag's: the original's bound."""
+"""Largest difference between groups of the same tag: the original's bound."""
 
 FoundPulse = tuple[int, float, int, Measured]
 """Place among the K, time [s], time [ns], and what was measured."""
@@ -30,9 +29,9 @@ def joined(
     sample_rate_hz: float,
     around: Callable[[Track, Measured], OnAir],
 ) -> Track | None:
-    """Put a group to the one that it goes on with, if there is one.
+    """Join a group to the one that it continues, if any.
 
-    `around`: reports what else is on air around a track's place.
+    `around`: reports other signals around a track's place.
     """
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:
@@ -45,7 +44,7 @@ def joined(
 def _continued(
     tracks: list[Track], pulses: list[FoundPulse], *, rate: int, sample_rate_hz: float
 ) -> tuple[Track, int] | None:
-    """Find what a group goes on with, and the place in its lattice of the group's place 0."""
+    """Find what a group continues, and the place in its lattice of the group's place 0."""
     strongest = max((pulse[3] for pulse in pulses), key=lambda measured: measured.power)
     for track in tracks:
         if track.rate != rate:
@@ -70,7 +69,7 @@ def _continued(
 
 
 def forget_old(tracks: list[Track], now_s: float) -> None:
-    """Drop the groups that nothing can go on with any more, in place."""
+    """Drop the groups that nothing can continue, in place."""
     tracks[:] = [
         t
         for t in tracks

@@ -1,9 +1,9 @@
 """Download flights from the drone over the station's own link, with progress.
 
-The conversation is `uavrt.ground.fetch.ftp_client`'s, as in ``uavrt fetch``; here its requests
-go out on the link that the page has open already. A flight lies among those received here, as
-``NAME_drone``: the two recordings of one flight may have the same name, and neither may be
-written over.
+`uavrt.ground.fetch.ftp_client` speaks the protocol, as in ``uavrt fetch``; here its requests
+use the link that the page has open already. A downloaded flight is stored as ``NAME_drone``
+among those received here: both recordings of a flight may have the same name, and neither may
+be overwritten.
 """
 
 import asyncio
@@ -37,17 +37,17 @@ REPORT_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Download:
-    """How far a download is."""
+    """Progress of a download."""
 
     flight_id: str
-    """Name on the drone."""
+    """Name of the flight on the drone."""
     file: str = ""
     done_bytes: int = 0
     whole_bytes: int | None = None
     """None while the drone's files are being listed."""
     ended: bool = False
     error: str | None = None
-    """Why it ended before its end."""
+    """Why it stopped early; None otherwise."""
 
 
 class Downloads:
@@ -62,7 +62,7 @@ class Downloads:
         self.current: Download | None = None
 
     def receive(self, frame: Frame) -> None:
-        """Handle a frame of the link; only the drone's file server is listened to."""
+        """Handle a frame of the link; only frames of the drone's file server count."""
         link = self._vehicle.connection.link
         if frame.message_id != dialect.FileTransferProtocol.ID or link is None:
             return
@@ -89,10 +89,10 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Begin to fetch a flight; its progress is sent to all pages.
+        """Start to fetch a flight; its progress is sent to all pages.
 
         `flight_id`: its name on the drone.
-        `everything`: its recorded samples as well.
+        `everything`: fetch its recorded samples as well.
         """
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
@@ -108,7 +108,7 @@ class Downloads:
         return self.current
 
     async def stop(self) -> None:
-        """End the download; what has come is kept and gone on with next time."""
+        """Stop the download; the next attempt continues from the part received so far."""
         task = self._task
         if task is not None and not task.done():
             task.cancel()
@@ -116,11 +116,11 @@ class Downloads:
                 await task
 
     def record(self) -> dict[str, Any] | None:
-        """What is shown of the last download; None when there was none."""
+        """State of the last download for the page; None before the first."""
         return None if self.current is None else asdict(self.current)
 
     async def _fetch(self, flight_id: str, everything: bool) -> None:
-        error: str | None = "stopped; what has come is kept"
+        error: str | None = "stopped; what has arrived is kept"
         try:
             async with self._asking:
                 tree = await self._client.tree(f"/{flight_id}")
@@ -176,7 +176,7 @@ class Downloads:
         return self._vehicle.store.directory / f"{flight_id}{FETCHED_COPY}"
 
     def _is_own(self, flight_id: str) -> bool:
-        """Whether the drone side runs here, and this is its flight."""
+        """True if the drone side runs on this computer and the flight is in its directory."""
         directory = self._vehicle.store.directory
         here = FlightLayout(directory / flight_id).database.is_file()
         return here and is_the_drones(directory)
@@ -189,5 +189,5 @@ class Downloads:
 
 
 def _database_last(entries: list[RemoteEntry]) -> list[RemoteEntry]:
-    """Small files first, the database last: a flight is listed when all of it is here."""
+    """Sort small files first and the database last: a flight is listed once it is complete."""
     return sorted(entries, key=lambda one: (one.path.endswith("/flight.sqlite"), one.size or 0))

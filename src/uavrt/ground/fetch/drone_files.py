@@ -1,7 +1,7 @@
-"""How `uavrt fetch` reaches the drone: by one link, or the quickest of several.
+"""Connect `uavrt fetch` to the drone over one link, or the quickest of several.
 
-To the drone it is just another program of the ground's system, not a ground station, so it gets
-no pulses.
+To the drone this is one more program of the ground's system, not a ground station, so it
+receives no pulses.
 """
 
 import asyncio
@@ -17,10 +17,11 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.signing import Signing, SigningKey
+from uavrt.mavlink.waiting import within
 
 BEAT_S = 1.0
 OWN_COMPONENT = 197
-"""Different from the ground station's."""
+"""MAVLink component of this program; different from the ground station's."""
 PINGS = 4
 PING_S = 0.25
 
@@ -28,7 +29,7 @@ PING_S = 0.25
 class DroneFiles:
     """Links to the drone for files only.
 
-    Of several the quickest serves, and when it does not answer the next.
+    Of several, the quickest is used, and the next one when it does not answer.
 
     ::
 
@@ -36,7 +37,7 @@ class DroneFiles:
             for entry in (await client.tree("/")).files:
                 await fetch_file(client, entry, Path(entry.path.lstrip("/")))
 
-    `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`.
+    `signing_key`: signs frames, see `uavrt.mavlink.signing`.
     """
 
     def __init__(
@@ -53,14 +54,14 @@ class DroneFiles:
         self._found = asyncio.Event()
         self._trips_ns: dict[int, int] = {}
         self.link = 0
-        """The link that serves."""
+        """The link in use."""
         self._client = FileClient(
             self._send, now_ns, session=secrets.randbelow(256), unanswered=self._next_link
         )
 
     @asynccontextmanager
     async def open(self, *addresses: str, timeout_s: float = 20.0) -> AsyncIterator[FileClient]:
-        """Open the links, find the drone, take the quickest; raises `LinkError`."""
+        """Open the links, find the drone, choose the quickest; raises `LinkError`."""
         tasks = await self._ways.open(addresses)
         tasks.append(asyncio.create_task(self._beat()))
         try:
@@ -74,15 +75,13 @@ class DroneFiles:
             await self._ways.close()
 
     async def _find(self, timeout_s: float) -> None:
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self._found.wait()
-        except TimeoutError:
+        if not await within(timeout_s, self._found.wait()):
             raise LinkError(
-                f"no drone was heard in {timeout_s:g} s (MAVLink component {DRONE_COMPONENT})",
+                f"no drone was received in {timeout_s:g} s "
+                f"(MAVLink component {DRONE_COMPONENT})",
                 remedy="Check the drone's power and the radio, and that the autopilot "
                 "forwards MAVLink",
-            ) from None
+            )
 
     async def _compare(self, links: int) -> None:
         """Ping the drone by every link; take the one with the shortest round trip."""
@@ -100,14 +99,14 @@ class DroneFiles:
             self.link = min(self._trips_ns, key=self._trips_ns.__getitem__)
 
     def _next_link(self) -> None:
-        """Take another link on which the drone is heard, if there is one."""
+        """Switch to another link on which the drone is received, if there is one."""
         others = [link for link in self._ways.alive() if link != self.link]
         if others:
             later = [link for link in others if link > self.link]
             self.link = (later or others)[0]
 
     async def _beat(self) -> None:
-        """Send a heartbeat once a second, so that the autopilot knows the way to us."""
+        """Send a heartbeat once a second, so that the autopilot can route messages to us."""
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._ways.send_by_all(message)

@@ -16,42 +16,43 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.errors import LinkError, RecordingError
+from uavrt.errors import LinkError, RecordingError, os_errors_as
 from uavrt.ground.fetch.same_flight import others, place_for
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.mavlink.waiting import within
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)
-"""Longer than a queue of a slow radio holds a reply."""
+"""Wait for a reply [ns]; longer than the queue of a slow radio delays one."""
 TRIES = 10
 QUIET_NS = ns_from_s(2.0)
-"""A burst of which nothing came for so long is over."""
+"""Silence after which a burst is taken as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
-"""Longest that a burst is listened to; what has come of it counts."""
+"""Longest duration of a burst [ns]; the part received until then is kept."""
 BURST_BYTES = 1 << 20
-"""Most that is taken of a burst; a server that sends more is asked again from there."""
+"""Largest part taken from one burst; a longer burst is requested again from there."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
-"""What must come within `STALL_NS`: the slowest radio brings three times as much, and a
-server that trickles a kilobyte a minute is given up after one."""
+"""Bytes, or list entries, that must arrive within `STALL_NS`; the slowest radio brings three
+times as much."""
 MOST_REPLIES = 4096
-"""Replies that wait; a flood drops its rest."""
+"""Most replies queued; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
-"""A drone computes the checksum of 1 GB in 10 s."""
+"""Tries to get a checksum; a drone computes that of 1 GB in 10 s."""
 MOST_GROWTH = 16_000_000
-"""A file may be longer than it was in the list: the flight goes on."""
+"""Bytes by which a file may exceed its listed size: its flight may still be recording."""
 MOST_BYTES = 2_000_000_000
-"""Of a flight without its recorded samples; ten hours with 100 tags have a tenth."""
+"""Largest flight without its recorded samples [bytes]; ten hours with 100 tags have a tenth."""
 ROOM_LEFT = 100_000_000
-"""Bytes that are left free on the disk here."""
+"""Free space to leave on this computer's disk [bytes]."""
 PART_SUFFIX = ".part"
 MOST_DEEP = 8
-"""Directories within each other. A flight of ours has 4; whoever answers in the drone's place
-may offer them without end."""
+"""Deepest nesting of directories. Our flights have 4; a hostile server could nest without
+end."""
 MOST_ENTRIES = 20_000
-"""Files and directories of one tree, or one directory. A flight with 100 tags has 1200."""
+"""Most files and directories in one tree or directory. A flight with 100 tags has 1200."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +61,7 @@ class RemoteEntry:
 
     path: str
     size: int | None
-    """None for a directory."""
+    """Bytes; None for a directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,15 +70,15 @@ class RemoteTree:
 
     files: tuple[RemoteEntry, ...]
     left_out: int = 0
-    """Files and directories that were seen and not taken: too deep, too many, or with a path
-    too long to be asked for. What such directories hold is not known, and not counted."""
+    """Files and directories skipped: too deep, too many, or path too long; without their
+    content."""
 
 
 class FileClient:
     """One conversation with the drone's file server; raises `LinkError`.
 
-    `send`: sends a request's 251 bytes.
-    `unanswered`: called when nothing has come for a while; there may be another link.
+    `send`: sends a request of 251 bytes.
+    `unanswered`: called when nothing has arrived for a while, to try another link.
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class FileClient:
         self._replies: asyncio.Queue[FtpPacket] = asyncio.Queue(MOST_REPLIES)
         self.repeats = 0
         self.dropped = 0
-        """Replies that were too many."""
+        """Replies dropped because the queue was full."""
 
     def receive(self, payload: bytes) -> None:
         """Handle a reply."""
@@ -105,7 +106,7 @@ class FileClient:
             self._replies.put_nowait(FtpPacket.decode(payload))
 
     async def list_directory(self, path: str) -> list[RemoteEntry]:
-        """List a directory; raises `LinkError` when it cannot be, or has no end."""
+        """List a directory; raises `LinkError` if it cannot be listed or never ends."""
         entries: list[RemoteEntry] = []
         pace = _Pace(LEAST_ENTRIES, f"the list of {path}")
         while len(entries) < MOST_ENTRIES:
@@ -150,7 +151,7 @@ class FileClient:
         return RemoteTree(files=tuple(files), left_out=left_out)
 
     async def checksum(self, path: str) -> int:
-        """Checksum that the drone computes of a file."""
+        """Get the checksum of a file, computed by the drone."""
         reply = await self._ask(
             Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
         )
@@ -168,9 +169,9 @@ class FileClient:
     ) -> int:
         """Read a file from `start` to its end; return its size.
 
-        `write`: gets the bytes in order; the link waits for nothing that it waits for.
-        `progress`: gets the bytes that are here, and the size.
-        `allow`: gets the size before anything is read; raises when it is too much.
+        `write`: gets the bytes in order; must not block.
+        `progress`: gets the bytes received so far and the size.
+        `allow`: gets the size before anything is read; raises if it is too large.
         """
         opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
         _check(opened, path)
@@ -209,7 +210,7 @@ class FileClient:
         return size
 
     async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
-        """Ask for a burst and take what comes of it between `offset` and `end`, by place."""
+        """Request a burst; store its parts between `offset` and `end` at their places."""
         self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)
@@ -236,7 +237,7 @@ class FileClient:
         size: int | None = None,
         tries: int = TRIES,
     ) -> FtpPacket:
-        """Ask until there is an answer; the same bytes each time."""
+        """Repeat a request until it is answered, with the same bytes each time."""
         if len(data) > DATA_SIZE:
             raise LinkError(
                 f"a path of {len(data)} bytes is too long for a request",
@@ -257,15 +258,9 @@ class FileClient:
         raise _silent("the drone's file server")
 
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
-        """Get the next reply, or None when none came in time, also in a flood of others."""
+        """Get the next reply; None if none came in time, even amid unrelated ones."""
         left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
-        if left_s <= 0.0:
-            return None
-        try:
-            async with asyncio.timeout(left_s):
-                return await self._replies.get()
-        except TimeoutError:
-            return None
+        return None if left_s <= 0.0 else await within(left_s, self._replies.get())
 
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
@@ -287,7 +282,7 @@ class FileClient:
 class _Pace:
     """Aborts a transfer that makes no progress.
 
-    `least`: what must come within `STALL_NS`.
+    `least`: amount that must arrive within `STALL_NS`.
     """
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
@@ -295,7 +290,7 @@ class _Pace:
         self._from, self._until_s = start, _soon(STALL_NS)
 
     def check(self, done: int) -> None:
-        """Take how much is here now; raises `LinkError` when it is too slow."""
+        """Update the amount received so far; raises `LinkError` if it grows too slowly."""
         if done - self._from >= self._least:
             self._from, self._until_s = done, _soon(STALL_NS)
         elif monotonic_s() > self._until_s:
@@ -321,9 +316,9 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Refuse a flight that is too large, for what it can be or for the disk here.
+    """Refuse a flight that is implausibly large or does not fit on this disk.
 
-    `samples`: recorded samples are among it, which may have any size.
+    `samples`: recorded samples, which may have any size, are included.
     """
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
@@ -354,10 +349,9 @@ async def fetch_file(
 ) -> bool:
     """Fetch one file; False if it was here already.
 
-    It grows as ``NAME.part`` and gets its name when its checksum is right. A part that was
-    there is gone on with; if the whole is then wrong it is fetched again, once. A file of that
-    name that is here and is no earlier state of this one stays; the new one is then
-    ``NAME.other-1``.
+    It grows as ``NAME.part`` and gets its name once its checksum is right. An earlier part is
+    continued; if the result is wrong, it is fetched again once from the start. A different
+    local file of that name stays; the new one is then stored as ``NAME.other-1``.
     """
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:
@@ -368,7 +362,7 @@ async def fetch_file(
                 return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
-        raise RecordingError(f"{part} is no file", remedy="Remove it")
+        raise RecordingError(f"{part} is not a file", remedy="Remove it")
 
     def allow(size: int) -> None:
         listed = entry.size or 0
@@ -379,7 +373,9 @@ async def fetch_file(
             )
         _require_free(part, size - (_size(part) or 0))
 
-    try:
+    with os_errors_as(
+        RecordingError, f"cannot write {place}", remedy="Give another place with -o"
+    ):
         await asyncio.to_thread(place.parent.mkdir, parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0
@@ -393,10 +389,6 @@ async def fetch_file(
                 await asyncio.to_thread(part.replace, free)
                 return True
             part.unlink()
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {place}: {error.strerror}", remedy="Give another place with -o"
-        ) from error
     raise RecordingError(
         f"{entry.path} is different each time it is read",
         remedy="It is still being written; stop the detection and fetch it again",
@@ -404,7 +396,7 @@ async def fetch_file(
 
 
 class _Appending:
-    """A file that grows, written in another thread; a kill takes none of what was written."""
+    """A growing file, written in another thread; a kill loses nothing that was written."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -433,7 +425,7 @@ def file_checksum(path: Path) -> int:
 
 
 def _size(path: Path) -> int | None:
-    """Size of a file here, None if there is none."""
+    """Size of a local file; None without one."""
     try:
         return path.stat().st_size if path.is_file() else None
     except OSError:
@@ -441,9 +433,9 @@ def _size(path: Path) -> int | None:
 
 
 def _entry(directory: str, line: bytes) -> RemoteEntry:
-    """Entry of one line of a listing.
+    """Parse one line of a directory listing.
 
-    The names come by an open link and become files here: none may lead elsewhere.
+    Names arrive over an open link and become files here: none may lead outside the flight.
     """
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name

@@ -47,7 +47,7 @@ def place_for(new: Path, place: Path) -> Path:
 
 
 def others(place: Path) -> list[Path]:
-    """Get the files that came by the same name and were given another."""
+    """List the files of the same original name that were stored under another one."""
     return [p for p in place.parent.glob("*") if p.name.startswith(place.name + OTHER_SUFFIX)]
 
 
@@ -95,7 +95,7 @@ def same_recording(new: Path, old: Path) -> bool:
 
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
-    """What a recording is, and of each stretch its first sample, frequency and time [ns]."""
+    """Describe a recording: kind; first sample, frequency and time [ns] of each stretch."""
     described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))

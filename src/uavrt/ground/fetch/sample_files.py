@@ -1,12 +1,12 @@
-"""Which files of a flight are samples: they are large, and come only when asked for."""
+"""Recognise the sample files of a flight: they are large and are fetched only on request."""
 
 from typing import Literal
 
 SampleKind = Literal["channels", "band"]
 CHANNELS: SampleKind = "channels"
-"""The kept channels of the tags: 15 kB a second each."""
+"""Recorded channels of the tags: 15 kB a second each."""
 BAND: SampleKind = "band"
-"""The recorded band and captures: 1.5 MB a second and more, which no radio link brings."""
+"""Recorded full band and captures: 1.5 MB/s and more, too much for any radio link."""
 
 
 def sample_part(path: str) -> SampleKind | None:

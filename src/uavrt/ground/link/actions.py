@@ -1,4 +1,4 @@
-"""Which buttons are enabled, and if not, why. Pure; the page only draws them."""
+"""Decide which buttons are enabled, and the reason if not. Pure; the page only draws them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +9,14 @@ COMMAND_OF_ACTION = {row.button.action: row for row in COMMANDS.values() if row.
 """The drone's command behind each button."""
 BUTTONS = tuple(row.button for row in COMMANDS.values() if row.button)
 ACTIONS = {**{button.action: button.label for button in BUTTONS}, "mark": "Mark"}
-"""The buttons and their labels; all but "mark" ask something of the drone."""
+"""The buttons and their labels; all but "mark" send something to the drone."""
 NOT_NOW = {
     SystemState.IDLE: "Send the tags first",
     SystemState.RECEIVING_TAGS: "Tags are being sent",
     SystemState.DETECTING: "Detecting: stop first",
     SystemState.CAPTURING: "Capturing: wait until it has ended",
 }
-"""Why a state does not allow a command."""
+"""Reason why a state does not allow a command."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class Busy:
     text: str
     done: int = 0
     whole: int = 0
-    """Steps in all; 0 when unknown."""
+    """Number of steps; 0 when unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,20 +37,20 @@ class Situation:
     link_open: bool
     drone_present: bool
     state: SystemState | None
-    """None when the drone sends no state, as the thesis's."""
+    """The drone's state; None for a drone that sends none, such as the thesis's."""
     tags: int
-    """Tags in the table."""
+    """Number of tags in the table."""
     tags_sent: bool
     busy: Busy | None
     flight_open: bool
     foreign: bool = False
-    """Another autopilot answers under our vehicle's number."""
+    """True while another autopilot answers under our vehicle's number."""
     silent_s: float = 0.0
-    """Since the last contact, or since the start of the station [s]."""
+    """Time since the last contact, or since the start of the station [s]."""
 
 
 def action_states(now: Situation) -> dict[str, dict[str, Any]]:
-    """Whether each action is enabled, and the reason if not."""
+    """Get for each action whether it is enabled, and the reason if not."""
     reasons = {action: _reason(action, now) for action in ACTIONS}
     return {
         action: {"label": ACTIONS[action], "enabled": reason is None, "reason": reason}
@@ -68,7 +68,7 @@ def unreachable(now: Situation) -> str | None:
 
 
 def cannot_command(now: Situation) -> str | None:
-    """Get the reason why no command but a stop can be sent; None if one can."""
+    """Get the reason why only a stop can be sent; None if every command can."""
     reason = unreachable(now)
     if reason is None and now.foreign:
         return "Two vehicles have the same number: choose one above"

@@ -3,19 +3,16 @@
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 SKEW_PULSES = 5
-"""Pulses that are compared before the drone's clock is judged: the first may be old ones, sent
-again after a gap of the link."""
+"""Pulses compared before the offset is judged: the first ones may be old, sent again after a
+gap."""
 LATE_NS = 10 * NANOSECONDS_PER_SECOND
 AHEAD_NS = 3 * NANOSECONDS_PER_SECOND
-"""Prompt pulses come 0.5 to 2 s after they were. All later than this, or any so long before
-it was: that is the drone's clock."""
+"""Bounds of a prompt pulse's delay [ns], normally 0.5 to 2 s; if all delays are beyond, the
+drone's clock is off."""
 
 
 class ClockSkew:
-    """Estimates the offset from the promptest of several pulses.
-
-    `skew_ns`: how far the drone's clock is behind ours; None before it is judged.
-    """
+    """Estimates by the promptest pulses how far the drone's clock is behind, once judged."""
 
     def __init__(self) -> None:
         self.skew_ns: int | None = None
@@ -23,7 +20,7 @@ class ClockSkew:
         self._least_delay_ns: int | None = None
 
     def learn(self, delay_ns: int) -> str | None:
-        """Take the delay of a pulse; a text when a difference shows for the first time."""
+        """Add the delay of a pulse; return a text when a difference first appears."""
         self._delays += 1
         self._least_delay_ns = min(delay_ns, self._least_delay_ns or delay_ns)
         if self._delays < SKEW_PULSES:

@@ -17,9 +17,9 @@ NUMBERED_FROM = 2**31
 
 
 class Writing:
-    """Writes commands; those of G2 get a request id each, never 0.
+    """Encodes commands; those of G2 get a request id each, never 0.
 
-    `generation`: what the drone speaks. Commands of G2v1 are those of G1.
+    `generation`: the drone's protocol. Commands of G2v1 are those of G1.
     """
 
     def __init__(self, generation: Generation) -> None:
@@ -28,10 +28,11 @@ class Writing:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Write the messages of an upload, in order; `LinkError` for tags that have none.
+        """Write the messages of an upload in order; `LinkError` for tags that cannot be
+        encoded.
 
-        The first begins it, then each tag has one, the last ends it. That of a coded tag is
-        `CODED_TAG_TYPE`, those of all others are of the tunnel's payload type 0.
+        The first begins it, then each tag has one, the last ends it. A coded tag's message has
+        type `CODED_TAG_TYPE`, all others type 0.
         """
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
@@ -84,7 +85,7 @@ class Writing:
         return TagG2(tag=wire, **numbers).encode()
 
     def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
-        """Write a start; a frequency of None is 0: the drone's tuner chooses."""
+        """Write a start command; a frequency of None becomes 0: the drone's tuner chooses."""
         check_start(None, center_frequency_hz, gain)
         if self._generation == "G0":
             return HeaderMessage(command=CommandId.START_DETECTION).encode()
@@ -96,7 +97,7 @@ class Writing:
         return start.encode()
 
     def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
-        """Write a raw capture; raises `LinkError` where there is none."""
+        """Write a raw capture; raises `LinkError` if this generation has none."""
         check_start(None, center_frequency_hz, gain)
         frequency_hz = round(center_frequency_hz or 0)
         self._check_known("raw_capture")
@@ -107,14 +108,14 @@ class Writing:
         return RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
 
     def bare(self, name: CommandName) -> bytes:
-        """Write a command without fields; raises `LinkError` where there is none."""
+        """Write a command without fields; raises `LinkError` if this generation has none."""
         number = self._check_known(name)
         if self._generation == "G2":
             return BareG2(command=number, request_id=self._next_id()).encode()
         return HeaderMessage(command=number).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
-        """Get the number of a command that the drone's generation has."""
+        """Get a command's number in the drone's generation; raises `LinkError` without one."""
         row = COMMANDS[name]
         generation = "G1" if self._generation == "G2v1" else self._generation
         if row.number is None or generation not in row.lengths:

@@ -1,6 +1,6 @@
 """Send the operator's commands to the drone, one at a time, and report progress.
 
-Each command raises what the drone or the link answers, and gives the text for the operator.
+Each command returns a text for the operator, or raises the error of the drone or the link.
 """
 
 import asyncio
@@ -31,8 +31,8 @@ from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.recording.places import Mark, mark_note
 
 _SWITCHED_OFF_S: Final = 300.0
-"""Without contact for so long, the drone counts as switched off [s]: one that loses contact in
-flight is brought back by its failsafe earlier."""
+"""Time without contact after which the drone counts as switched off [s]: a failsafe brings a
+flying drone back earlier."""
 
 
 def _parameter(wish: Any) -> tuple[str, float]:
@@ -47,7 +47,7 @@ def _parameter(wish: Any) -> tuple[str, float]:
 
 
 def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
-    """Read which correction is requested; raises `FormatError`."""
+    """Read which correction of a tag is requested; raises `FormatError`."""
     now_ns = vehicle.clock.now_ns()
     tag_id = request.get("tag_id") if isinstance(request, dict) else None
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
@@ -78,7 +78,7 @@ def _gain_in_words(correction: TagCorrection) -> str:
 
 
 def _place(wish: Any) -> tuple[float, float] | None:
-    """Read the place of a mark, None where it has none; raises `FormatError`."""
+    """Read the position of a mark, None without one; raises `FormatError`."""
     if not isinstance(wish, dict) or "latitude_deg" not in wish:
         return None
     place = wish.get("latitude_deg"), wish.get("longitude_deg")
@@ -96,7 +96,7 @@ class Commands:
         self._vehicle = vehicle
 
     def by_name(self, body: Any) -> dict[str, Callable[[], Awaitable[str]]]:
-        """List what a page may ask, by the name of its button; `body` is what it sent along."""
+        """List the page's commands by the name of their button; `body` holds their values."""
         text = str(body.get("text", "")) if isinstance(body, dict) else ""
         return {
             "send_tags": self.send_tags,
@@ -114,7 +114,7 @@ class Commands:
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table whatever the last heartbeat said."""
+        """Send the tag table, regardless of the state in the last heartbeat."""
         tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
@@ -126,7 +126,7 @@ class Commands:
         return await self.start_by(self._allowed("start"))
 
     async def start_by(self, link: GroundLink) -> str:
-        """Start detection whatever the drone's last heartbeat said."""
+        """Start detection, regardless of the state in the last heartbeat."""
         settings = self._vehicle.store.settings
         async with self._working("start", "starting"):
             frequency = settings.center_frequency_mhz
@@ -140,7 +140,7 @@ class Commands:
             return directory or "detecting"
 
     async def stop(self) -> str:
-        """Stop detection or capture, whatever the last heartbeat said."""
+        """Stop detection or capture, regardless of the state in the last heartbeat."""
         if (reason := unreachable(self._vehicle.situation())) is not None:
             raise LinkError(reason)
         link = self._vehicle.connection.link
@@ -161,21 +161,21 @@ class Commands:
             return (await link.command(payload)).message or "capturing"
 
     async def ask(self, button: Button) -> str:
-        """Ask for what is only a command's number: the drone's upkeep."""
+        """Send a maintenance command, which consists of its number alone."""
         link = self._allowed(button.action)
         async with self._working(button.action, button.asking):
             return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
     async def correct_tag(self, request: Any) -> str:
-        """Correct a listed tag by what was measured, in the flight and then in the list.
+        """Correct a listed tag by a measurement, in the flight and then in the list.
 
-        ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency, and ``"undo":
-        true`` lists the values before the last correction again.
+        ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency; ``"undo": true``
+        restores the values before the last correction.
 
-        Raises `FormatError`: there is no such tag or sender, or nothing to correct.
-        Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer; the list is
-        as it was.
-        Raises `RecordingError`: the list cannot be written; the text says what the drone has.
+        Raises `FormatError`: there is no such tag or sender, or nothing to correct. Raises
+        `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
+        unchanged. Raises `RecordingError`: the list cannot be written; the text says which
+        values the drone uses.
         """
         vehicle, drone, store = self._vehicle, self._vehicle.drone, self._vehicle.store
         correction = _correction(vehicle, request)
@@ -209,7 +209,7 @@ class Commands:
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Get the link if the drone searches with the tag, or did before contact was lost."""
+        """Get the link if the drone searches for the tag, or did before contact was lost."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)
@@ -236,7 +236,7 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and place (by default the drone's) into the flight."""
+        """Write a remark with time and position (by default the drone's) into the flight."""
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:
@@ -260,7 +260,7 @@ class Commands:
         return note
 
     def _allowed(self, action: str) -> GroundLink:
-        """Get the link, when the action is allowed now."""
+        """Get the link if the action is allowed now; raises `CommandRefused`."""
         state = action_states(self._vehicle.situation())[action]
         if not state["enabled"]:
             raise LinkError(str(state["reason"]))

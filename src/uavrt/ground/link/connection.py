@@ -17,10 +17,7 @@ from uavrt.messages import Tag
 
 
 class Connection:
-    """The link to a vehicle, while there is one.
-
-    `make_link`: makes it, given the keywords `generation`, `receipts` and `identity`.
-    """
+    """The link to a vehicle, while there is one; `make_link` makes it by keywords."""
 
     def __init__(
         self,
@@ -31,9 +28,9 @@ class Connection:
     ) -> None:
         self.link: GroundLink | None = None
         self.watch: VehicleWatch | None = None
-        """State of the vehicle's autopilot."""
+        """Watches the state of the vehicle's autopilot."""
         self.error: str | None = None
-        """Why there is no link."""
+        """Why the link is closed; None otherwise."""
         self._store = store
         self._feed = feed
         self._identity = identity
@@ -49,7 +46,7 @@ class Connection:
 
     @property
     def flies(self) -> bool:
-        """Whether an autopilot speaks for the vehicle; else it is a mast, or a person."""
+        """True if the vehicle has an autopilot; false for a mast or a person on foot."""
         return self.watch is not None and self.watch.autopilot is not None
 
     def present(self, now_ns: int) -> bool:
@@ -57,10 +54,10 @@ class Connection:
         return self.link is not None and self.link.protocol.present(now_ns)
 
     async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
-        """Open the link that is set; a further vehicle's joins that of the first.
+        """Open the configured link; that of a further vehicle joins the first one's.
 
-        `tags`: gets those that the drone holds.
-        Raises `LinkError`: it cannot be opened; `error` says why, too.
+        `tags`: gets the drone's tags.
+        Raises `LinkError`: it cannot be opened; `error` has the reason, too.
         """
         settings = self._store.settings
         if self._receipts is None:  # once: a link is opened again while the disk hangs, too
@@ -90,7 +87,7 @@ class Connection:
         self._feed.send_state()
 
     def _fail(self, error: BaseException) -> NoReturn:
-        """Show why there is no link, and raise it."""
+        """Store and raise the error."""
         self.error = str(error)
         self._feed.note(3, self.error)
         self._feed.send_state()
@@ -105,7 +102,7 @@ class Connection:
         self.link = self._serving = self.watch = None
 
     def serve(self, now_ns: int) -> VehicleWatch | None:
-        """Send what is asked of the vehicle each second; None without an open link."""
+        """Send the requests to the vehicle that are due now; None without an open link."""
         if self._serving is not None and self._serving.done():
             # A link that was given up for another has no exception, and raises when asked.
             ended = None if self._serving.cancelled() else self._serving.exception()
@@ -119,7 +116,7 @@ class Connection:
         return watch
 
     def report_faults(self) -> None:
-        """Report frames that could not be handled: of the first, then when they double."""
+        """Log frames that could not be handled: the first, then when their number doubles."""
         faults = 0 if self.link is None else self.link.faults
         if faults.bit_length() > self._faults_reported.bit_length():
             self._faults_reported = faults
@@ -127,7 +124,7 @@ class Connection:
             self._feed.note(3, text)
 
     def forget_vehicle(self) -> None:
-        """Watch another vehicle on the same link."""
+        """Switch to another vehicle on the same link."""
         if self.link is not None:
             self.link.protocol.forget()
             self.watch = VehicleWatch(self.link.protocol.own, self._identity)

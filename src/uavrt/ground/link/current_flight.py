@@ -25,15 +25,16 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 log = get_logger()
 
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
-"""A pulse heard this long after the stop is of another flight, unless it was before it."""
+"""Delay after a stop beyond which a pulse belongs to the next flight, unless sent before it
+[ns]."""
 COMMIT_S = 0.15
-"""Pulses that come within this time are written together. Receipts go as often, and wait."""
+"""Interval in which pulses are collected for one write [s]; receipts follow each write."""
 BATTERY_STEP_PERCENT = 5
-"""What is left in the battery is noted in the flight at its start and after each such step."""
+"""Battery charge is written at the start of a flight and after each step of this size [%]."""
 ENDS_WITHIN_S = 10.0
 """How long a session that ends waits for a slow disk."""
 _LOOKS_BACK = 10
-"""Flights in which measurements for the next one are looked for."""
+"""Number of past flights searched for measurements to show at the start of the next."""
 
 
 class CurrentFlight:
@@ -56,7 +57,7 @@ class CurrentFlight:
         )
         self.marks: list[Mark] = []
         self.resumed = False
-        """Whether a restart interrupted it."""
+        """True if a restart interrupted it."""
         self._store, self._clock, self._feed = store, clock, feed
         self._stopped_ns: int | None = None
         self._home_kept: tuple[str | None, tuple[float, float] | None] = (None, None)
@@ -74,9 +75,9 @@ class CurrentFlight:
         return flight_id
 
     def _drones_own(self) -> Path | None:
-        """Get the drone's own recording of its flight, where that is in our directory.
+        """Get the drone's own recording of its flight, if it is in our directory.
 
-        Only what comes from this computer alone can be of the drone side that flies from it.
+        Only packets from this computer can come from the drone side that runs on it.
         """
         if self._store.system_id is not None:
             return None
@@ -106,7 +107,7 @@ class CurrentFlight:
         return summary.tags
 
     def end(self) -> None:
-        """End the flight; what the drone sends later of it is still taken."""
+        """End the flight; late pulses of it are still accepted."""
         self.keeper.queue.commit()
         self.keeper.end()
         self._stopped_ns = self._clock.now_ns()
@@ -123,14 +124,14 @@ class CurrentFlight:
         self.marks.append(mark)
 
     def note_home(self, home: tuple[float, float] | None, now_ns: int) -> None:
-        """Write where the vehicle took off into the flight, once and when it changes."""
+        """Write the home position into the flight, once and when it changes."""
         key = (self.keeper.flight_id, home)
         if home is not None and not self.keeper.ended and key != self._home_kept:
             self._home_kept = key
             self.keeper.add_note(home_note(*home), now_ns)
 
     def note_battery(self, percent: int | None, now_ns: int) -> None:
-        """Write what is left into the flight: a season's summary counts batteries by it."""
+        """Write the battery charge into the flight, for the season's summary."""
         flight_id, noted = self.keeper.flight_id, self._battery_kept
         if percent is None or self.keeper.ended:
             return
@@ -139,25 +140,25 @@ class CurrentFlight:
             self.keeper.add_note(battery_note(percent), now_ns)
 
     def show_soon(self, event: PulsePose | BurstInside, record: dict[str, Any]) -> None:
-        """Show what was received after the next write, or within a second."""
+        """Show a received record after the next write, at most a second later."""
         self._unshown.append((event, record))
         self.commit_soon()
 
     def commit_soon(self) -> None:
-        """Write what was received to the disk, with what comes within `COMMIT_S`."""
+        """Request a write of what was received, with what arrives within `COMMIT_S`."""
         if not self._commit_due:
             self._commit_due = True
             wait_s = max(0.0, self._committed_s + COMMIT_S - monotonic_s())
             asyncio.get_running_loop().call_later(wait_s, self.commit)
 
     def commit(self) -> None:
-        """Hand what was received to the disk."""
+        """Queue what was received for the disk."""
         self._commit_due = False
         self._committed_s = monotonic_s()
         self.keeper.queue.commit()
 
     def _written(self) -> None:
-        """Show what the disk has, or has refused."""
+        """Show what is on the disk, or why it was refused."""
         if text := self.keeper.queue.mended():
             self._feed.note(3, text)
         self.show_received()
@@ -171,7 +172,7 @@ class CurrentFlight:
                 self._feed.send("pulse" if isinstance(event, PulsePose) else "burst", record)
 
     async def put_away(self) -> None:
-        """Bring what was received to the disk, and log an error if it does not take all."""
+        """Write everything received to the disk; log an error if not all could be written."""
         self.keeper.close()
         await self.keeper.queue.settle(ENDS_WITHIN_S)
         self.show_received()
@@ -184,7 +185,7 @@ class CurrentFlight:
 
 
 def last_beeps(directory: Path, flight_id: str | None, tags: tuple[Tag, ...]) -> list[Beep]:
-    """Read what beeped in a flight, or without one in the last in which anything did."""
+    """Read the measured senders of a flight; without one, of the last flight that has any."""
     paths = directory.glob(f"{flight_id or '*'}/flight.sqlite")
     with suppress(OSError):
         for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_LOOKS_BACK]:

@@ -1,7 +1,7 @@
-"""The ground's half of delivery without loss: receipts, and no pulse twice. Pure.
+"""Acknowledge stored pulses and recognise repeated ones. Pure.
 
-A pulse is in a receipt only when it is safe in the ground station's store. Each receipt repeats
-a few of the hashes before, so that one that is lost costs no repetition of its pulses.
+A receipt names only pulses that are safe in the ground station's store. It repeats some hashes
+of earlier receipts, so that a lost receipt causes no repetition of pulses.
 """
 
 from collections import OrderedDict, deque
@@ -13,18 +13,18 @@ from uavrt.units import ns_from_s
 PERIOD_NS = ns_from_s(0.150)
 SIGN_OF_LIFE_NS = ns_from_s(1.0)
 REPEATED = 6
-"""Hashes of earlier receipts in each: at 20 % loss the way back then loses 1 in 25."""
+"""Hashes of earlier receipts in each: at 20 % loss, 1 acknowledgement in 25 is then lost."""
 REMEMBERED = 500_000
-"""Pulses known: 17 hours at 8 a second, 50 MB."""
+"""Most pulses remembered: 17 hours at 8 a second, 50 MB."""
 
 
 class Receipts:
-    """Which pulses are known, and when to acknowledge them.
+    """Tracks known pulses and when to acknowledge them.
 
-    `store`: number of the store, 1 to 2**32 - 1; a new one for an empty store.
+    `store`: number of the store, 1 to 2**32 - 1; an empty store gets a new one.
     `known`: hashes of the payloads in the store.
-    `keep`: gets the hash of each payload that is new in the store, and what to call when it is
-    kept: then the payload is acknowledged.
+    `keep`: gets the hash of each new payload and a function to call once the hash is stored:
+    then the payload is acknowledged.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Receipts:
         self.store = store
         self._keep = keep
         self.most = MAX_HASHES
-        """Hashes in a receipt."""
+        """Most hashes in a receipt."""
         self._known: OrderedDict[int, None] = OrderedDict((number, None) for number in known)
         self._due: list[int] = []
         self._earlier: deque[int] = deque(maxlen=REPEATED)
@@ -45,7 +45,7 @@ class Receipts:
         self.duplicates = 0
 
     def seen(self, payload: bytes) -> bool:
-        """Return whether a pulse is known; then it is acknowledged once more."""
+        """True for a known pulse, which is then acknowledged once more."""
         number = payload_hash(payload)
         if number not in self._known:
             return False
@@ -55,7 +55,7 @@ class Receipts:
         return True
 
     def stored(self, payload: bytes) -> None:
-        """A pulse is safe in the store."""
+        """Record that a pulse is safe in the store."""
         number = payload_hash(payload)
         self._known[number] = None
         if len(self._known) > REMEMBERED:

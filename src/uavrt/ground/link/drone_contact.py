@@ -1,4 +1,4 @@
-"""Whether the drone is received on the ground's links, and if not, why."""
+"""Determine whether the drone is received, and if not, why."""
 
 import asyncio
 
@@ -6,12 +6,13 @@ from uavrt.errors import LinkError
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.signing import Signing
+from uavrt.mavlink.waiting import within
 
 
 class DroneContact:
     """Checks signatures, and explains why the drone does not answer.
 
-    `signing`: checks frames; None: all are taken.
+    `signing`: checks frames; None: all are accepted.
     """
 
     def __init__(self, signing: Signing | None) -> None:
@@ -35,14 +36,11 @@ class DroneContact:
 
     async def wait(self, timeout_s: float) -> None:
         """Wait for the drone; raises `LinkError` when it is not received."""
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self.made.wait()
-        except TimeoutError:
-            raise self._missing() from None
+        if not await within(timeout_s, self.made.wait()):
+            raise self._missing()
 
     def _missing(self) -> LinkError:
-        """Explain why there is no drone: it is locked with another key, or not there."""
+        """Explain why there is no contact: the drone uses another key, or is absent."""
         if self._drone_refused:
             return LinkError(
                 f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
@@ -57,7 +55,7 @@ class DroneContact:
         )
 
     def unanswered(self, number: int, waited_s: float) -> LinkError:
-        """Explain why a command has no answer: the drone wants it signed, or is away."""
+        """Explain a missing answer: the drone requires a signature, or is away."""
         text = f"the drone did not answer command {number} in {waited_s:g} s"
         if self._drone_signs and self._signing is None:
             return LinkError(

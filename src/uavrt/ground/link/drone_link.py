@@ -1,6 +1,6 @@
 """The ground's side of the tunnel: find the drone, upload tags, start, stop, receive.
 
-`GroundProtocol` knows what to say and is pure; `GroundLink` puts it on a MAVLink link.
+`GroundProtocol` handles the messages and is pure; `GroundLink` puts it on a MAVLink link.
 """
 
 import asyncio
@@ -131,11 +131,10 @@ class GroundLink:
     async def run(self, *addresses: str) -> None:
         """Serve the links until cancelled.
 
-        `addresses`: ways to the same drone, the one to prefer first; of several, those that
-        cannot be opened are tried again. None: those that another opens, and keeps alive by its
-        heartbeats.
-        Raises `ConfigError`: an address is none.
-        Raises `LinkError`: None could be opened.
+        `addresses`: links to the same drone, the preferred one first; of several, those that
+        cannot be opened are tried again. None: use the links opened by another session, which
+        sends their heartbeats.
+        Raises `ConfigError`: an address is invalid. Raises `LinkError`: none could be opened.
         """
         try:
             opening = await self._ways.open(addresses)
@@ -164,23 +163,23 @@ class GroundLink:
             await self._ways.close(opened=bool(addresses))
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
-        """Wait until component 191 is heard; raises `LinkError` when it is not."""
+        """Wait until component 191 is received; raises `LinkError` after `timeout_s`."""
         await self.contact.wait(timeout_s)
         assert self.protocol.drone is not None
         return self.protocol.drone
 
     def _vehicle_id(self) -> int | None:
-        """System of the vehicle that is served, once it is known."""
+        """System number of the served vehicle, once it is known."""
         drone = self.protocol.drone
         return self.protocol.identity.system_id if drone is None else drone.system_id
 
     async def upload_tags(
         self, tags: Sequence[Tag], progress: Callable[[int, int], None] | None = None
     ) -> None:
-        """Send the tag list, each message acknowledged.
+        """Send the tag list; each message is acknowledged.
 
-        `tags`: all the tags; they replace those on the drone.
-        `progress`: called with the messages acknowledged so far and their whole number.
+        `tags`: replace those on the drone.
+        `progress`: called with the number of acknowledged messages and their total.
         """
         payloads = self.writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
@@ -210,7 +209,7 @@ class GroundLink:
     async def start_detection(
         self, *, center_frequency_hz: float | None = None, gain: int = 0
     ) -> str:
-        """Start; return the drone's message (the flight directory).
+        """Start detection; return the drone's message (the flight directory).
 
         A frequency of None is 0 on the wire: the drone's tuner chooses.
         """
@@ -218,7 +217,7 @@ class GroundLink:
         return (await self.command(payload)).message
 
     async def stop_detection(self) -> None:
-        """Stop."""
+        """Stop detection; return the drone's message."""
         await self.ask("stop_detection")
 
     async def ask(self, name: CommandName) -> str:
@@ -235,14 +234,14 @@ class GroundLink:
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:
-        """Report another drone to this one, once it is there and has sent its session."""
+        """Report another drone to this one, once contact and session exist."""
         with contextlib.suppress(LinkError):
             payload = encode_neighbour(neighbour)
             self.send(self.protocol.tunnel_message(payload, NEIGHBOUR_TYPE))
 
     @property
     def faults(self) -> int:
-        """Frames that could not be handled, on all links."""
+        """Number of frames that could not be handled, on all links."""
         return sum(link.counters.faults for link in self._ways.links)
 
     def send(self, message: Message) -> None:
@@ -272,12 +271,12 @@ class GroundLink:
                 self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
 
     def _acknowledge(self) -> None:
-        """Let the next receipt name what is on the disk."""
+        """Name the pulses that are on the disk in the next receipt."""
         self.protocol.stored(self._progress()[1])
 
 
 def _without_codes(error: LinkError) -> LinkError:
-    """Explain why a coded tag has no answer: older software does not know the message."""
+    """Explain a missing answer about a coded tag: older software lacks the message."""
     return LinkError(
         f"{error.message}; if it answers otherwise, its software knows no coded tags",
         remedy="Update the drone, give it its list itself with `uavrt run --tags`, or send the "

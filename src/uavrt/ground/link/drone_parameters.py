@@ -1,4 +1,4 @@
-"""The drone's parameters, as any ground station lists and sets them; with a key, sealed."""
+"""List and set the drone's parameters by the MAVLink protocol; sealed if there is a key."""
 
 import asyncio
 import math
@@ -16,10 +16,11 @@ from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.parameters import decode_value
+from uavrt.mavlink.waiting import within
 
 TRIES = 5
 QUIET_S = 0.5
-"""Values come 20 ms apart; after so long without one the rest is asked for again."""
+"""Silence after which missing values are requested again [s]; values come 20 ms apart."""
 
 
 class DroneParameters:
@@ -39,7 +40,7 @@ class DroneParameters:
         self._bytewise: bool | None = None
         self._heard_s = 0.0
         self._news = asyncio.Event()
-        self._answered: dict[str, int] = {}
+        self._awaited: dict[str, asyncio.Future[bool]] = {}
 
     def take(self, frame: Frame) -> None:
         """Handle a frame of the link."""
@@ -50,7 +51,8 @@ class DroneParameters:
                 self._raw[value.param_id] = (value.param_value, value.param_type)
                 self._indices.add(value.param_index)
                 self._count = value.param_count
-                self._answered[value.param_id] = self._answered.get(value.param_id, 0) + 1
+                if (answer := self._awaited.pop(value.param_id, None)) and not answer.done():
+                    answer.set_result(True)
             case dialect.AutopilotVersion() as version:
                 flag = MavProtocolCapability.PARAM_ENCODE_BYTEWISE
                 self._bytewise = bool(version.capabilities & flag)
@@ -82,15 +84,12 @@ class DroneParameters:
         """
         drone = self._drone()
         await self._learn_encoding(drone)
-        before = self._answered.get(name, 0)
         for _ in range(TRIES):
+            answer = self._awaited[name] = asyncio.get_running_loop().create_future()
             # Sealed for each try: a drone takes no seal twice.
             with suppress(LinkError):  # its session comes within a second
                 self._send(self._wish(name, value, drone))
-            deadline_s = monotonic_s() + self._wait_s
-            while self._answered.get(name, 0) == before and monotonic_s() < deadline_s:
-                await self._wait_for_news(deadline_s - monotonic_s())
-            if self._answered.get(name, 0) != before:
+            if await within(self._wait_s, answer):
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
                     raise CommandRefused(f"{name} stays {now:g}: see the drone's text")
@@ -109,11 +108,11 @@ class DroneParameters:
 
     def _drone(self) -> Peer:
         if self._protocol.drone is None:
-            raise LinkError("the drone has not been heard", remedy="Check its power and radio")
+            raise LinkError("no contact with the drone yet", remedy="Check its power and radio")
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Requests for all values, or for those that have not arrived; sealed with a key."""
+        """Requests for all values, or for missing ones; sealed if there is a key."""
         place = {"target_system": drone.system_id, "target_component": drone.component_id}
         sealed = self._protocol.sealed_parameter
         if self._count is None:
@@ -126,16 +125,18 @@ class DroneParameters:
         ]
 
     async def _learn_encoding(self, drone: Peer) -> None:
-        """Ask once how whole numbers travel: its capability bits say it."""
+        """Query once how integers are encoded, from the autopilot's capability bits."""
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return
             self._send(request_message(drone, dialect.AutopilotVersion.ID))
             await self._wait_for_news(self._wait_s)
-        raise LinkError("the drone does not say who it is", remedy="Try again")
+        raise LinkError(
+            "the drone's autopilot has not reported its capabilities", remedy="Try again"
+        )
 
     async def _quiet(self) -> None:
-        """Wait until nothing has come for a moment, after a first answer."""
+        """Wait until values stop arriving after the first one."""
         await self._wait_for_news(self._wait_s)
         heard_s = 0.0
         while heard_s != self._heard_s:
@@ -144,11 +145,7 @@ class DroneParameters:
 
     async def _wait_for_news(self, timeout_s: float) -> None:
         self._news.clear()
-        try:
-            async with asyncio.timeout(timeout_s):
-                await self._news.wait()
-        except TimeoutError:
-            return
+        await within(timeout_s, self._news.wait())
 
     def _value(self, name: str) -> float:
         field, kind = self._raw[name]

@@ -1,4 +1,4 @@
-"""What the drone of one vehicle has reported, and which tags it holds. Pure."""
+"""Latest reports of one vehicle's drone, and the tags that it holds. Pure."""
 
 from collections.abc import Iterable
 
@@ -12,16 +12,13 @@ from uavrt.messages import Beep, LiveBearing, PulsePose, Tag, drop_beeps, keep_b
 
 
 class DroneReports:
-    """The drone's latest reports.
-
-    `now_ns`: start of the silence until the first contact.
-    """
+    """The drone's latest reports; its silence begins at `now_ns`."""
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None
         self.temperature_c: float | None = None
         self.directory = ""
-        """Of the flight on the drone; empty: unknown."""
+        """Directory of the flight on the drone; empty: unknown."""
         self.sent_tags: tuple[Tag, ...] = ()
         self.heard: dict[int, int] = {}
         """Time of the last report of each tag's detector [ns]."""
@@ -36,23 +33,23 @@ class DroneReports:
 
     @property
     def skew_ns(self) -> int | None:
-        """How far the drone's clock is behind ours; None before it is judged."""
+        """Delay of the drone's clock behind ours [ns]; None while unknown."""
         return self._skew.skew_ns
 
     def take_heartbeat(self, heartbeat: DroneHeartbeat) -> SystemState | None:
-        """Take the drone's state; return the one before."""
+        """Store the drone's state; return the previous one."""
         before, self.state = self.state, heartbeat.state
         self.temperature_c = heartbeat.cpu_temperature_c
         return before
 
     def take_pulse(self, event: PulsePose, now_ns: int) -> str | None:
-        """Take the time of a pulse; return a text once the drone's clock differs."""
+        """Add the time of a pulse; return a text when the drone's clock is found to differ."""
         self.heard[event.pulse.tag_id] = now_ns
         self.last_pulse_s = monotonic_s()
         return self._skew.learn(now_ns - event.pulse.end_time_ns)
 
     def take_beep(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """Take a measured sender; False if it is known, or older than its tag's correction."""
+        """Store a measured sender; False if it is known, or older than its tag's correction."""
         if beep in self.beeps or self._is_outdated(beep, corrections):
             return False
         keep_beep(self.beeps, beep)
@@ -60,14 +57,14 @@ class DroneReports:
         return True
 
     def _is_outdated(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """Whether a sender was measured before this station corrected its tag."""
+        """True if a sender was measured before this station corrected its tag."""
         return not still_holds(beep, self.sent_tags) and any(
             one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
             for one in corrections
         )
 
     def take_presence(self, present: bool, now_ns: int) -> bool:
-        """Take whether there is contact; return whether that has changed."""
+        """Set whether there is contact; return whether that has changed."""
         changed, self._present = present != self._present, present
         if present:
             self.contact_ns = now_ns
@@ -76,7 +73,7 @@ class DroneReports:
         return changed
 
     def disconnected(self) -> None:
-        """Forget the state: the link is closed."""
+        """Clear the state: the link is closed."""
         self.state = None
         self._present = False
 
@@ -86,13 +83,13 @@ class DroneReports:
         drop_beeps(self.beeps)
 
     def begin_flight(self) -> None:
-        """Forget what was reported of the flight before."""
+        """Clear the reports of the previous flight."""
         self.heard.clear()
         self.bearings.clear()
         self.beeps.clear()
 
     def forget(self) -> None:
-        """Forget the drone: another vehicle is served."""
+        """Clear everything: another vehicle is served."""
         self.state, self.temperature_c, self.directory = None, None, ""
         self.sent_tags = ()
         self.bench.forget()

@@ -10,6 +10,7 @@ from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.drone_contact import DroneContact
 from uavrt.ground.link.parallel_links import Ways
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
+from uavrt.mavlink.waiting import within
 from uavrt.tunnel.codec import acked_command_of
 from uavrt.tunnel.motion import MotionState, is_confirmation, is_stop
 from uavrt.tunnel.private import MOTION_TYPE
@@ -20,15 +21,15 @@ TRIES = 4
 STOP_WAIT_S = 0.4
 """Time after which a stop is sent again [s]; on a radio an answer takes 0.3 s or more."""
 CONFIRMS_WITHIN_NS = ns_from_s(1.0)
-"""From the operator's word until a confirmation leaves; later it is not what was meant."""
+"""Longest delay between the operator's confirmation and its sending [ns]; then it is
+outdated."""
 
 
 class Exchange:
     """Sends one command or order at a time and waits for its answer.
 
     Raises `CommandRefused` with the drone's reason, or `LinkError` without an answer.
-
-    `ack_wait_s`: how long to wait for each acknowledgement before the command is sent again.
+    `ack_wait_s`: wait for each acknowledgement before the command is repeated.
     """
 
     def __init__(
@@ -43,11 +44,12 @@ class Exchange:
         self._clock_ns = clock_ns
         self._ack_wait_s = ack_wait_s
         self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
-        """Answers, by number and request id of a command, or by the request id of a motion."""
+        """Expected answers, by number and request id of a command, or by the request id of a
+        motion."""
         self._busy = asyncio.Lock()
 
     def take(self, event: GroundEvent) -> None:
-        """Take an event that may be an answer."""
+        """Match an event with the expected answers."""
         key: tuple[int, int] | int | None = None
         if isinstance(event, Acknowledged):
             key = event.command, event.request_id
@@ -57,7 +59,7 @@ class Exchange:
             self._awaited[key].set_result(event)
 
     async def command(self, payload: bytes, payload_type: int, request_id: int) -> Acknowledged:
-        """Send a command until it is acknowledged, with the same bytes each of four times."""
+        """Send a command until it is acknowledged; four tries with the same bytes."""
         number = acked_command_of(payload)
         assert number is not None
 
@@ -85,11 +87,11 @@ class Exchange:
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
         """Send an order of motion, a confirmation or a stop; return the drone's answer.
 
-        An order and a stop are repeated until they are answered, a stop every 0.4 s; a
-        confirmation is not: its nonce holds once, and what is on the way longer than a second
-        is not confirmed. A stop waits for nothing else that is under way.
+        An order and a stop are repeated until they are answered, a stop every 0.4 s. A
+        confirmation is sent once: its nonce is valid once, and one delayed by more than a
+        second is dropped. A stop does not wait for other exchanges.
 
-        `payload`: by `uavrt.tunnel.motion`.
+        `payload`: made by `uavrt.tunnel.motion`.
         """
 
         def send(_attempt: int) -> None:
@@ -105,7 +107,7 @@ class Exchange:
                 raise LinkError(
                     f"the confirmation waited {s_from_ns(waited_ns):.0f} s for another command "
                     "and was not sent",
-                    remedy="Ask for the motion again",
+                    remedy="Request the motion again",
                 )
             answer = await self._until_answered(request_id, send, tries, wait_s)
         if answer is None:
@@ -121,19 +123,18 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Send until an answer comes; get it with the number of the try, None without one."""
-        for attempt in range(tries):
-            answer = self._awaited[key] = asyncio.get_running_loop().create_future()
-            try:
+        """Send until an answer comes; return it with the number of the try, else None."""
+        try:
+            for attempt in range(tries):
+                awaited = self._awaited[key] = asyncio.get_running_loop().create_future()
                 try:
                     send(attempt)
                 except LinkError:  # the drone's session comes within a second
                     if self._protocol.drone is None or attempt == tries - 1:
                         raise
-                async with asyncio.timeout(wait_s):
-                    return attempt, await answer
-            except TimeoutError:
+                if (answer := await within(wait_s, awaited)) is not None:
+                    return attempt, answer
                 self._protocol.counters["retries"] += 1
-            finally:
-                self._awaited.pop(key, None)
+        finally:
+            self._awaited.pop(key, None)
         return None

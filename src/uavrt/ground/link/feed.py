@@ -1,4 +1,4 @@
-"""What the pages and the operator of one vehicle receive: log lines, states, records."""
+"""Send log lines, states and records of one vehicle to the pages and the operator."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class StationNote:
 
 
 class Feed:
-    """Sends records to all pages, and events to the program without a page.
+    """Sends records to all pages, and events to the program that runs without a page.
 
-    `state`: makes the record that pages show of the whole vehicle.
+    `state`: makes the record of the whole vehicle for pages.
     `on_event`: called with each event.
     """
 

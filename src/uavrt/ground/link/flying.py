@@ -1,7 +1,7 @@
-"""Motion of the drone as the page asks for it: offers, confirmations, stops.
+"""Motions of the drone as the page requests them: offers, confirmations, stops.
 
-The drone decides, and says what it would fly; this only carries the words. What is drawn before
-anything is asked comes from the same functions that the drone plans with.
+The drone decides and reports what it would fly; this module only passes messages. Previews come
+from the same functions with which the drone plans.
 """
 
 import asyncio
@@ -19,33 +19,34 @@ from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT, area_in, circle, keep_out_in
 from uavrt.guidance.mission import NOT_CHECKED_ABOARD, survey_items
-from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
+from uavrt.guidance.orders import Limits, Order
 from uavrt.guidance.plans import survey_places
+from uavrt.guidance.safety import SAFETY
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
 """Silence after which the drone's motion state is unknown; it comes once a second."""
-OFFER_NS = ns_from_s(OFFER_HOLDS_S)
-"""So long the drone waits for a confirmation."""
+OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
+"""Time for which the drone waits for a confirmation [ns]."""
 PATTERNS = ("lines", "around", "points")
 Places = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offered:
-    """What the drone would fly."""
+    """The motion that the drone offers to fly."""
 
     state: MotionState
     way: Places
     time_ns: int
     page: str | None
-    """That asked for it."""
+    """The page that requested it."""
 
 
 class Flying:
-    """The motions of one vehicle."""
+    """Requests and confirms the motions of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
@@ -56,7 +57,7 @@ class Flying:
         self._told = ("", "")
 
     def take(self, state: MotionState) -> None:
-        """Take what the drone says of motion."""
+        """Store the drone's report of its motion."""
         self._heard_ns = self._vehicle.clock.now_ns()
         if state.kind != "state":
             return
@@ -70,12 +71,12 @@ class Flying:
             self._vehicle.feed.send_state()
 
     def forget(self) -> None:
-        """Know nothing: another vehicle is served."""
+        """Clear the state: another vehicle is served."""
         self._state = self._offered = self._flown = None
         self._heard_ns, self._told = 0, ("", "")
 
     def record(self) -> dict[str, Any] | None:
-        """What the page shows; None of a drone that says nothing of motion."""
+        """State of motion for the page; None if the drone sends none."""
         now_ns = self._vehicle.clock.now_ns()
         state = self._state
         if state is None:
@@ -103,7 +104,7 @@ class Flying:
         }
 
     def plan(self, wish: Any) -> dict[str, Any]:
-        """Where a motion would lead, as far as the ground knows; nothing is asked."""
+        """Preview a motion as far as the ground can plan it; the drone is not involved."""
         way = self._way(_request(wish))
         home = self._home()
         return {
@@ -115,7 +116,7 @@ class Flying:
         }
 
     async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Ask the drone; return its offer. Nothing moves by it."""
+        """Request a motion from the drone; return its offer. Nothing moves yet."""
         request = _request(wish)
         way = self._way(request)
         self._offered = None
@@ -127,7 +128,7 @@ class Flying:
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
     async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Confirm the offer that this page sees: from now on it moves."""
+        """Confirm the offer that this page shows: the drone then moves."""
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
@@ -135,7 +136,7 @@ class Flying:
             raise CommandRefused("this offer has expired", remedy="Ask again")
         self._offered = None
         if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
-            raise CommandRefused("the offer has run out", remedy="Ask again")
+            raise CommandRefused("this offer has expired", remedy="Ask again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.take(state)
@@ -145,16 +146,15 @@ class Flying:
     async def upload(
         self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
-        """Give a survey to the autopilot as its mission; a pilot starts it.
+        """Upload a survey to the autopilot as its mission; a pilot starts it.
 
-        The way is checked by `call`, outside of the event loop: an outline of 1000 corners
-        takes seconds.
+        `call` runs the check of the path outside the event loop: 1000 corners take seconds.
         """
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link
         if link is None:
-            raise LinkError("there is no link", remedy="Connect to the drone")
+            raise LinkError("not connected", remedy="Connect to the drone")
         done = await link.missions.upload_survey(order, Limits(), call)
         self._vehicle.feed.note(
             5,
@@ -164,7 +164,7 @@ class Flying:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Let the drone stand and be out; where that raises, a pilot has to stop it."""
+        """Stop the drone and return control; if this raises, a pilot has to stop it."""
         self._offered = None
         self._vehicle.feed.note(5, "taken back by the operator")
         state = await stop(self._link())
@@ -175,7 +175,7 @@ class Flying:
         link = self._vehicle.connection.link
         if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
-                "the drone is not heard", remedy="Take it by the remote control if it must stop"
+                "no contact with the drone", remedy="Stop it by the remote control if needed"
             )
         return link
 
@@ -198,7 +198,7 @@ class Flying:
                 )
             case "search" if bool(request.places) == (request.radius_m is not None):
                 raise UsageError(
-                    "a search needs one area",
+                    "a search needs exactly one area",
                     remedy="Draw one, or give a radius around the drone",
                 )
             case "return":
@@ -217,7 +217,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
         (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
     )
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area is a name and a text")
+        raise FormatError("an area must be a name and a text")
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
@@ -226,7 +226,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
         raise FormatError(
-            f"{name[:80]} keeps out of outlines with more than {2 * MOST_CORNERS} corners",
+            f"{name[:80]} excludes outlines with more than {2 * MOST_CORNERS} corners",
             remedy="Simplify them",
         )
     return {
@@ -245,9 +245,9 @@ def area_of_file(wish: Any) -> dict[str, Any]:
 
 
 def _request(wish: Any) -> MotionRequest:
-    """Read what a page asks for; raises `FormatError` or `UsageError`."""
+    """Read a motion request of the page; raises `FormatError` or `UsageError`."""
     if not isinstance(wish, dict):
-        raise FormatError("a motion is an object")
+        raise FormatError("a motion must be an object")
     height = wish.get("height_m")
     pattern = wish.get("pattern", "lines")
     if pattern not in PATTERNS:
@@ -273,7 +273,7 @@ def _request(wish: Any) -> MotionRequest:
 
 
 def _keep_out(given: Any) -> tuple[KeepOut, ...]:
-    """Places to keep out of, as `area_of_file` gives them."""
+    """Read excluded areas in the form that `area_of_file` returns."""
     found = []
     if isinstance(given, list) and len(given) > MOST_KEEP_OUT:
         raise FormatError(f"keep_out has at most {MOST_KEEP_OUT} outlines")
@@ -294,7 +294,7 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
 
 
 def places_in(given: Any) -> Places:
-    """Read places, latitude and longitude [deg] each; raises `FormatError`."""
+    """Read positions, latitude and longitude [deg] each; raises `FormatError`."""
     places = []
     for one in given if isinstance(given, list) else [None]:
         match one:
@@ -303,12 +303,12 @@ def places_in(given: Any) -> Places:
                 if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
                     places.append((float(north), float(east)))
                     continue
-        raise FormatError("places are latitude and longitude on earth")
+        raise FormatError("places must be latitudes and longitudes on earth")
     return tuple(places)
 
 
 def _tags(given: Any) -> tuple[int, ...]:
-    """Numbers of the tags to search for; none: all that are listed."""
+    """Read the ids of the tags to search for; none given: all listed ones."""
     if isinstance(given, list) and all(type(one) is int for one in given):
         return tuple(given)
     raise FormatError("tags must be whole numbers")

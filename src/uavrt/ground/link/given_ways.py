@@ -1,9 +1,9 @@
-"""Which drone owns which way, of those that one ground station serves. Pure.
+"""Assign paths to the drones that one ground station serves, so that they stay apart. Pure.
 
-A drone asks for a way and says which ways of the others it knew. It gets it only if those are
-all that there are: so no two choose at once without knowing of each other, however late any
-word is. Until it says that it flies the new way it owns both; a drone that falls silent keeps
-what it owns.
+A drone that requests a path names the other drones' paths that it has received. It gets the
+path only if that list is complete, so no two choose at once without each other's plans, however
+late a message is. Until it reports that it flies the new path it owns the old one, too; a
+silent drone keeps what it owns.
 """
 
 from collections.abc import Collection
@@ -13,11 +13,12 @@ from uavrt.geodesy import distance_m
 from uavrt.messages import Course, Neighbour
 
 OLD = 100
-"""A sequence number so little behind the last is of a word that came late."""
+"""Largest lag of a sequence number that marks a message as delayed, not restarted."""
 MOVED_M = 5.0
-"""A goal that moved so far without being asked for is another way."""
+"""Distance by which a goal that moved without a request counts as another path [m]."""
 FIRST_S = 3.0
-"""After the first word nothing is given: by then all have spoken, that can be heard."""
+"""Time after the first report before paths are assigned [s]: by then all drones have
+reported."""
 _ROUND = 0x10000
 
 
@@ -29,18 +30,18 @@ class _Member:
     granted: int = 0
     denied: int = 0
     way: tuple[tuple[float, float], ...] = ()
-    """Given and not flown yet."""
+    """Path that is assigned but not flown yet."""
 
 
 class GivenWays:
-    """All drones that have said where they go."""
+    """All drones that have reported their course."""
 
     def __init__(self) -> None:
         self._members: dict[int, _Member] = {}
         self._begun_s: float | None = None
 
     def take(self, vehicle: int, course: Course, now_s: float) -> bool:
-        """Take a drone's course; return whether it and the others must know at once."""
+        """Store a drone's course; return whether all drones must be informed at once."""
         one = self._members.get(vehicle)
         if self._begun_s is None:
             self._begun_s = now_s
@@ -62,7 +63,7 @@ class GivenWays:
         return (not early and self._judge(vehicle, one)) or changed
 
     def _judge(self, vehicle: int, one: _Member) -> bool:
-        """Give a way that is asked for, or not; whether that is news."""
+        """Grant or refuse a requested path; return whether the others must be informed."""
         asked = one.course.asked
         if not asked or not one.course.asked_way or asked in (one.granted, one.denied):
             return False
@@ -80,12 +81,13 @@ class GivenWays:
         return True
 
     def recipients(self, flying: Collection[int]) -> set[int]:
-        """Which drones get reports: of several all that fly or ever sent one, of one that asks.
+        """Select the drones that get reports about the others.
 
-        A drone that ever got a report asks for each way: without further reports, also when
-        the other has landed or the station has restarted, it would get no way any more.
+        Of several, all that fly or ever sent a course; a single drone only while it requests a
+        path. A drone that once got a report needs further ones even when the other has landed
+        or the station has restarted: without them it would never be assigned a path again.
 
-        `flying`: vehicles that fly by commands, as far as is heard.
+        `flying`: vehicles that fly by commands, as far as known.
         """
         known = set(self._members)
         together = known | set(flying)
@@ -94,7 +96,7 @@ class GivenWays:
         return {vehicle for vehicle, one in self._members.items() if one.course.asked}
 
     def reports_for(self, vehicle: int, now_s: float) -> list[Neighbour]:
-        """Reports for a drone, one of each other; without others one without a course."""
+        """Reports for a drone, one about each other drone; a single drone gets an empty one."""
         own = self._members.get(vehicle)
         answer = Neighbour(
             vehicle=0,
@@ -116,9 +118,9 @@ class GivenWays:
 
 
 def _elsewhere(before: Course, course: Course) -> bool:
-    """Whether it flies another way than it did, unasked: home, or by an order of its own.
+    """True if it flies another path than before without a request: home, or its own order.
 
-    A way that it was given has another number; one that it stands on is shorter.
+    An assigned path has another number; a path that is being completed is shorter.
     """
     if course.flown != before.flown or course.goal == course.place:
         return False

@@ -1,4 +1,4 @@
-"""How a drone recognises a ground station: its number and the shared secrets."""
+"""Number and secrets by which a drone recognises a ground station."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +11,13 @@ from uavrt.tunnel.seal import Key, read_key
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkKeys:
-    """The number, and none, one or both of the secrets."""
+    """A station's component number, and none, one or both of the secrets."""
 
     component_id: int = 190
-    """Ours, in system 254; 190 is the usual one. Two stations of one drone need different ones,
-    for it speaks to each by one link only."""
+    """Component in system 254, usually 190. Stations of the same drone need different ones,
+    since it answers each on one link only."""
     as_gcs: bool = False
-    """Be system 255 of type GCS, which the original's drone side insists on."""
+    """Use system 255 and type GCS, which the original's drone side requires."""
     command: Key | None = None
     """Seals commands inside their payload; also through PX4."""
     signing: SigningKey | None = None
@@ -30,7 +30,7 @@ NO_KEYS: LinkKeys = LinkKeys()
 def read_link_keys(
     command: Path | None, signing: Path | None, component_id: int = 190, *, as_gcs: bool = False
 ) -> LinkKeys:
-    """Read the keys from their files; raises `ConfigError` for what is none."""
+    """Read the keys from their files; raises `ConfigError` for an invalid one."""
     if not 2 <= component_id <= 255 or component_id == DRONE_COMPONENT:
         raise ConfigError(
             f"{component_id} is not a valid component id for a ground station",

@@ -1,4 +1,4 @@
-"""Orders of motion from the ground, for page and terminal: ask, confirm, stop."""
+"""Orders of motion from the ground, for page and terminal: request, confirm, stop."""
 
 import secrets
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from uavrt.tunnel.motion import (
 
 
 def new_number() -> int:
-    """Number of a request: never 0."""
+    """Make a request number; never 0."""
     return secrets.randbits(31) | 1
 
 
@@ -31,7 +31,7 @@ def motion_request(
     `**values`: further fields of `MotionRequest`.
     """
     if action not in MOTION_ACTIONS:
-        raise UsageError(f"{action[:40]!r} is no motion")
+        raise UsageError(f"{action[:40]!r} is not a motion")
     named: MotionAction = action
     return MotionRequest(
         request_id=new_number(),
@@ -43,7 +43,7 @@ def motion_request(
 
 
 async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Ask for a motion; return the drone's offer. Nothing moves by it.
+    """Request a motion; return the drone's offer. Nothing moves yet.
 
     Raises `CommandRefused` with the drone's reason, `LinkError` without an answer.
     """
@@ -51,10 +51,10 @@ async def ask(link: GroundLink, request: MotionRequest) -> MotionState:
 
 
 async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) -> MotionState:
-    """Confirm an offer: from now on it moves. Raises as `ask`.
+    """Confirm an offer: the drone then moves. Raises as `ask`.
 
-    Where no answer comes it may have arrived all the same: then the drone is stopped. What says
-    why is the first error; where the stop is not answered either, that is its cause.
+    Without an answer the confirmation may still have arrived, so the drone is stopped. The
+    first error is raised; if the stop is not answered either, that is its cause.
     """
     number = new_number()
     confirmation = MotionConfirmation(
@@ -74,6 +74,6 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Let it stand and be out. Raises as `ask`."""
+    """Stop the drone and return control. Raises as `ask`."""
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

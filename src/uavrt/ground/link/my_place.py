@@ -1,7 +1,7 @@
-"""Where this computer is, from a GPS receiver that speaks NMEA.
+"""Position of this computer from a GPS receiver that sends NMEA.
 
-A serial port, or UDP or TCP, by the links of `uavrt.mavlink`, which mend themselves. A receiver
-that is not there is looked for again; a place that grows old is none.
+The receiver is on a serial port, UDP or TCP, by the links of `uavrt.mavlink`, which reconnect
+by themselves. An old position counts as unknown.
 """
 
 import asyncio
@@ -19,11 +19,11 @@ from uavrt.nmea import BAUD, Sentence, SentenceParser
 log = get_logger()
 
 SILENCE_S = 10.0
-"""Age after which a place is unknown [s]; a receiver sends it once a second."""
+"""Age after which the position is unknown [s]; a receiver sends one each second."""
 
 
 class MyPlace:
-    """The place of this computer, while a GPS receiver reports it."""
+    """The position of this computer, while a GPS receiver reports it."""
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
         self._clock_s = clock_s
@@ -33,7 +33,7 @@ class MyPlace:
         self._link: Link | None = None
         self.address = ""
         self.error: str | None = None
-        """Why nothing can be read; None when it can."""
+        """Why the receiver cannot be read; None if it can."""
 
     @property
     def place(self) -> tuple[float, float] | None:
@@ -43,12 +43,12 @@ class MyPlace:
 
     @property
     def age_s(self) -> float:
-        """Age of the place [s]."""
+        """Age of the position [s]."""
         return self._clock_s() - self._heard_s
 
     @property
     def counters(self) -> dict[str, int]:
-        """Sentences taken and refused, bytes passed over."""
+        """Counters of accepted and refused sentences and of skipped bytes."""
         if self._link is None:
             return {}
         counts = self._link.counters
@@ -59,13 +59,13 @@ class MyPlace:
         }
 
     def take(self, sentence: Sentence) -> None:
-        """Take a sentence."""
+        """Handle an NMEA sentence."""
         place = sentence.place
         if place is not None:
             self._place, self._heard_s = place, self._clock_s()
 
     async def listen(self, address: str) -> None:
-        """Listen to an address from now on, and to no other; to none where it is empty."""
+        """Switch to this address; an empty one closes the receiver."""
         if address == self.address:
             return
         await self.close()
@@ -74,7 +74,7 @@ class MyPlace:
             self._task = asyncio.get_running_loop().create_task(self._run(address))
 
     async def close(self) -> None:
-        """Listen no more."""
+        """Close the receiver."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):

@@ -1,8 +1,8 @@
 """The ground station's links: radio, Wi-Fi, cable, all at once.
 
-Heartbeats leave by all of them, so that a drone knows them all; it sends each pulse by one,
-and what we have to say to it goes by the one on which it was heard last, in the order given.
-Who serves several drones shares the links: each hears everything and picks its own.
+Heartbeats leave by all of them, so that a drone learns every link. It sends each pulse by one;
+our messages use the link on which it was received last, in the given order. Sessions of several
+drones share the links: each receives every frame and selects its own.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ RETRY_S = 3.0
 FIRST_SIGNING_LINK_ID = 1
 
 Listener = Callable[[Frame, int], None]
-"""Gets each frame and the number of its link."""
+"""Receives each frame and the number of its link."""
 
 
 class Links:
@@ -42,25 +42,25 @@ class Links:
 
     @property
     def count(self) -> int:
-        """How many there are, open or not."""
+        """Number of links, open or not."""
         return len(self._links)
 
     @property
     def open_ones(self) -> tuple[Link, ...]:
-        """Those that are open."""
+        """The open links."""
         return tuple(link for link in self._links if link is not None)
 
     def listen(self, listener: Listener) -> None:
-        """Hear every frame from now on."""
+        """Register a listener for every frame."""
         self._listeners.append(listener)
 
     def leave(self, listener: Listener) -> None:
-        """Hear no more."""
+        """Remove a listener."""
         with suppress(ValueError):
             self._listeners.remove(listener)
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all, or at least one; return the tasks that go on trying to open the others."""
+        """Open all, or at least one; return the tasks that keep trying to open the others."""
         self._links = [None] * len(addresses)
         self._writers = [self._writer(number) for number in range(len(addresses))]
         failed: dict[int, LinkError] = {}
@@ -76,13 +76,13 @@ class Links:
         return [asyncio.create_task(self._keep_trying(n, addresses[n])) for n in failed]
 
     async def close(self) -> None:
-        """Close all."""
+        """Close all links."""
         links, self._links = self.open_ones, [None] * len(self._links)
         for link in links:
             await link.close()
 
     def write(self, message: Message, number: int) -> None:
-        """Send by one link; nothing while it is not open."""
+        """Send by one link; does nothing while it is closed."""
         link = self._links[number] if number < len(self._links) else None
         if link is not None:
             link.send(self._writers[number].encode(message))
@@ -103,7 +103,7 @@ class Links:
                 await self._open(number, address)
 
     def _hear(self, frame: Frame, number: int) -> None:
-        """Let all listeners have a frame; a fault of one does not keep it from the others."""
+        """Pass a frame to all listeners; an error in one does not affect the others."""
         with ExitStack() as stack:
             for listener in reversed(self._listeners):
                 stack.callback(listener, frame, number)
@@ -112,7 +112,7 @@ class Links:
 class Ways:
     """The links to one drone.
 
-    `links`: those that are shared with others; without it they are this one's alone.
+    `links`: shared with others; without it this drone has its own.
     """
 
     def __init__(
@@ -131,28 +131,28 @@ class Ways:
         self._pulses_by = 0
         self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
-        """Of each system the link on which it is taken, and when it was heard there."""
+        """For each system, the link whose frames are used and the time of its last frame."""
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """Those that are open, once this drone's station has opened or joined them."""
+        """The open links, once this drone's station has opened or joined them."""
         return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all, or with no address join those that others open; see `Links.open`."""
+        """Open all, or without addresses join those that others open; see `Links.open`."""
         self._shared.listen(self._hear)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True
         return opening
 
     async def close(self, *, opened: bool = True) -> None:
-        """Hear no more; close all that were `opened` by this one."""
+        """Leave the links; close those that this session `opened`."""
         self._shared.leave(self._hear)
         if opened:
             await self._shared.close()
 
     def send(self, message: Message, link: int | None = None) -> None:
-        """Send by one link; None: by the best one."""
+        """Send by the given link; None: by the best one."""
         number = self.best()[0] if link is None else link
         if getattr(message, "target_component", 0) == MavComponent.COMP_ID_AUTOPILOT1:
             system_id = getattr(message, "target_system", 0)
@@ -165,7 +165,7 @@ class Ways:
             self._shared.write(message, number)
 
     def best(self) -> list[int]:
-        """Links in the order in which to try them: where the drone is heard, as given."""
+        """Links in the order to try them: those that receive the drone first, then as given."""
         now_ns = self._clock_ns()
         return sorted(
             range(max(1, self._shared.count)),
@@ -173,23 +173,23 @@ class Ways:
         )
 
     def alive(self) -> list[int]:
-        """Links on which the drone is heard."""
+        """Links on which the drone is received."""
         now_ns = self._clock_ns()
         return [n for n, ns in sorted(self._drone_heard_ns.items()) if self._fresh(ns, now_ns)]
 
     def answer(self, message: Message) -> None:
-        """Send by the link that the drone uses for pulses, if that is alive."""
+        """Send by the link that the drone uses for pulses, if the drone is received there."""
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 
     def heard_drone(self, link: int, *, pulse: bool) -> None:
-        """Note a link on which the drone is heard; with `pulse`, the link that it chose."""
+        """Record the link of a received frame; with `pulse`, as the drone's choice."""
         self._drone_heard_ns[link] = self._clock_ns()
         if pulse:
             self._pulses_by = link
 
     def _hear(self, frame: Frame, number: int) -> None:
-        """Handle a frame; an autopilot's by one link only, for its numbers are one series."""
+        """Handle a frame; an autopilot's from one link only: its numbers are one series."""
         if frame.component_id == MavComponent.COMP_ID_AUTOPILOT1 and self._shared.count > 1:
             now_ns = self._clock_ns()
             on, heard_ns = self._autopilots.get(frame.system_id, (number, now_ns))

@@ -54,11 +54,12 @@ from uavrt.units import ns_from_s
 log = get_logger()
 
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""The original ground station calls the drone lost after this."""
+"""Silence after which contact with the drone is lost [ns]; as in the original ground
+station."""
 FILES_NS = ns_from_s(3.0)
-"""Time after a request for a file in which signs of life say that files are asked for."""
+"""Time after a file request in which heartbeats announce that files are being fetched [ns]."""
 ORDERS = 16
-"""Orders of motion whose answers may still come."""
+"""Most orders of motion whose answers are still accepted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +72,7 @@ class DroneHeartbeat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorAlive:
-    """A detector's sign of life."""
+    """A detector's heartbeat."""
 
     tag_id: int
 
@@ -84,7 +85,7 @@ class Acknowledged:
     accepted: bool
     message: str
     request_id: int = 0
-    """Of the numbered versions; 0 in the older ones."""
+    """Request id in the numbered protocol versions; 0 in older ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,10 +119,10 @@ GroundEvent = (
 class GroundProtocol:
     """Decodes and counts what the ground receives; no I/O.
 
-    `receipts`: what to acknowledge; None for a station that does not.
-    `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on
-    (with 255/190); the autopilot then takes us for the operator's own.
-    `identity`: which vehicle is served; without it the first that is heard.
+    `receipts`: makes acknowledgements; None: none are sent.
+    `as_gcs`: use 255/190 and type GCS, which the original's drone side requires; the autopilot
+    then takes this station for the operator's own.
+    `identity`: selects the served vehicle; without it the first one received.
     """
 
     def __init__(
@@ -142,23 +143,23 @@ class GroundProtocol:
         self._generation: Generation = generation
         self.receipts = receipts
         self._in_hand: list[bytes] = []
-        """Payloads of pulses in the last frame."""
+        """Pulse payloads of the last frame."""
         self._uncommitted: dict[bytes, int] = {}
-        """Payloads of pulses that were taken and are not known to be on the disk, each with the
-        store's count when it was taken; in order."""
+        """Payloads of accepted pulses that may not be on the disk yet, in order, each with the
+        store's count when it was accepted."""
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
-        """Tags we uploaded: they give received pulses their width."""
+        """Tags that we uploaded; they give received pulses their width."""
         self.orders: deque[int] = deque(maxlen=ORDERS)
-        """Numbers of the last orders of motion, whose answers are checked."""
+        """Numbers of the last orders of motion; only answers to these are accepted."""
         self.counters: Counter[str] = Counter()
         self._heard_ns = 0
         self.files_asked_ns = -FILES_NS
-        """When the drone was last asked for a file."""
+        """Time of the last file request [ns]."""
         self._texts = TextAssembler()
 
     def forget(self) -> None:
-        """Listen again for the vehicle: the operator has chosen another."""
+        """Detect the vehicle again: the operator has chosen another."""
         self.drone, self._heard_ns = None, 0
 
     def set_tags(self, tags: Iterable[Tag]) -> None:
@@ -166,20 +167,20 @@ class GroundProtocol:
         self.tags = {tag.tag_id: tag for tag in tags}
 
     def present(self, now_ns: int) -> bool:
-        """True while the drone's component 191 is heard."""
+        """True while the drone's component 191 is received."""
         return self.drone is not None and now_ns - self._heard_ns < DRONE_SILENCE_NS
 
     def heartbeat(self) -> dialect.Heartbeat:
-        """Our heartbeat."""
+        """Make our heartbeat."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
     def taken(self, count: int = 0) -> None:
-        """Note that what the last `receive` gave is the store's, which has taken `count`."""
+        """Record that the store, now at `count`, accepted the pulses of the last `receive`."""
         self._uncommitted.update(dict.fromkeys(self._in_hand, count))
         self._in_hand.clear()
 
     def stored(self, count: int = 0) -> None:
-        """Acknowledge what was taken up to this count: it is on the disk."""
+        """Acknowledge everything that was accepted up to this count: it is on the disk."""
         waiting = self._uncommitted.items()
         for payload, _ in list(itertools.takewhile(lambda one: one[1] <= count, waiting)):
             del self._uncommitted[payload]
@@ -187,7 +188,7 @@ class GroundProtocol:
                 self.receipts.stored(payload)
 
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
-        """Return the receipt that is due, if any is and the drone is known."""
+        """Return the receipt that is due; None without one or without a drone."""
         if self.receipts is None or self.drone is None:
             return None
         if self._sealer is not None and not self._sealer.ready:
@@ -200,10 +201,10 @@ class GroundProtocol:
     def tunnel_message(
         self, payload: bytes, payload_type: int = PAYLOAD_TYPE
     ) -> dialect.Tunnel:
-        """Write a payload to the drone; raises `LinkError` before it is found."""
+        """Address a payload to the drone; raises `LinkError` before it is found."""
         if self.drone is None:
             raise LinkError(
-                "the drone has not been heard",
+                "no contact with the drone yet",
                 remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
             )
         if self._sealer is not None:
@@ -211,7 +212,7 @@ class GroundProtocol:
         return self._message(payload, payload_type)
 
     def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
-        """Write a sealed request to set a parameter, NaN: to report it; None without a key."""
+        """Write a sealed request to set a parameter (NaN: to report it); None without a key."""
         if self._sealer is None or self.drone is None:
             return None
         return self._message(self._sealer.parameter(name, value), SEALED_TYPE)
@@ -227,7 +228,7 @@ class GroundProtocol:
         )
 
     def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
-        """Handle a frame; return what it says."""
+        """Handle a frame; return the event that it contains."""
         self._in_hand.clear()  # what could not be taken is to come again
         if frame.component_id != DRONE_COMPONENT:
             return []
@@ -248,7 +249,7 @@ class GroundProtocol:
         return []
 
     def signs_of_life(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
-        """Sealed messages due now, for links that carry them in turn; none without a key."""
+        """Sealed heartbeats due now, for links that carry them in turn; none without a key."""
         if self._sealer is None or self.drone is None:
             return []
         files = now_ns - self.files_asked_ns < FILES_NS
@@ -256,7 +257,7 @@ class GroundProtocol:
         return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
-        """Read a payload of any type; None for what is not shown."""
+        """Decode a payload of any type; None if it is not shown."""
         if payload_type == PAYLOAD_TYPE:
             event = self._event(decode(payload, self._generation))
             self.counters["unexpected_payloads"] += event is None
@@ -275,7 +276,7 @@ class GroundProtocol:
         return event
 
     def _repeated(self, payload: bytes) -> bool:
-        """Whether a pulse came before; one that is stored is acknowledged once more."""
+        """True for a pulse received before; a stored one is acknowledged once more."""
         known = payload in self._uncommitted
         if not known and (self.receipts is None or not self.receipts.seen(payload)):
             return False

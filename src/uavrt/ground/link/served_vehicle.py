@@ -26,7 +26,7 @@ ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
 class ServedVehicle:
-    """One vehicle, and what is known of it.
+    """State of one served vehicle.
 
     `on_flight`: called when a flight of our own has begun.
     """
@@ -60,7 +60,7 @@ class ServedVehicle:
 
     @property
     def name(self) -> str:
-        """What this vehicle is called among others."""
+        """The vehicle's name among several."""
         number, name = self.identity.system_id, self.store.settings.vehicle_name
         return "this vehicle" if number is None else vehicle_note(number, name)
 
@@ -91,7 +91,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     async def connect(self) -> None:
-        """Open the link that is set, in place of any other; raises `LinkError`."""
+        """Open the configured link in place of any other; raises `LinkError`."""
         await self.disconnect()
         await self.connection.open(lambda: self.drone.sent_tags)
 
@@ -101,7 +101,7 @@ class ServedVehicle:
         self.drone.disconnected()
 
     async def resume(self, library: FlightLibrary) -> bool:
-        """Continue with the flight that a restart interrupted; False where there is none."""
+        """Continue with the flight that a restart interrupted; False without one."""
         store = self.store
         self.drone.recall(
             await store.disk.run(last_beeps, store.directory, store.current_flight, store.tags)
@@ -122,7 +122,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def take_heartbeat(self, heartbeat: DroneHeartbeat) -> None:
-        """Take the drone's state: flights begin and end with it."""
+        """Handle the drone's state; flights begin and end with it."""
         before, state = self.drone.take_heartbeat(heartbeat), heartbeat.state
         if before is state:
             return
@@ -138,7 +138,7 @@ class ServedVehicle:
         self.feed.send_state()
 
     def once_a_second(self, now_ns: int) -> bool:
-        """Ask the vehicle, and note what has changed; False without an open link."""
+        """Query the vehicle and record changes; False without an open link."""
         watch = self.connection.serve(now_ns)
         if watch is None:
             return False
@@ -152,7 +152,7 @@ class ServedVehicle:
         return True
 
     def _report_others(self, now_ns: int) -> None:
-        """Name other vehicles on this link, each once, and another under our number."""
+        """Report other vehicles on this link once each, and a second one under our number."""
         ours = self.identity.system_id
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):
@@ -167,7 +167,7 @@ class ServedVehicle:
         self._foreign_reported = foreign
 
     def choose(self, system_id: int) -> None:
-        """Serve another vehicle; the flight of the one before ends here, not on its drone."""
+        """Serve another vehicle; the previous one's flight ends here but goes on aboard."""
         if self.store.system_id is not None:
             raise UsageError(f"this page is that of vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):

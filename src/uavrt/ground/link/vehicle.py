@@ -17,11 +17,12 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 POSE_SILENCE_NS = ns_from_s(3.0)
 ASK_AGAIN_NS = ns_from_s(5.0)
 ASKED_HZ = 5.0
-"""Rate of attitude and position asked of an autopilot that sends none: 0.4 kB/s together."""
+"""Rate of attitude and position requested from an autopilot that sends none: 0.4 kB/s
+together."""
 FACTS_AGAIN_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)
-"""Silence after which the loss of the link is unknown."""
+"""Silence after which the frame loss of the link is unknown [ns]."""
 UNKNOWN_HEADING = 65_535
 UNKNOWN_VOLTAGE = 65_535
 UNKNOWN_SPACE = 0xFFFF_FFFF
@@ -35,7 +36,7 @@ class LossMeter:
         self._last: int | None = None
 
     def add(self, sequence: int, now_ns: int) -> None:
-        """Take the sequence number (0 to 255) of a frame."""
+        """Add the sequence number (0 to 255) of a frame."""
         step = 1 if self._last is None else (sequence - self._last) % 256 or 256
         # A step of more than half the circle is a sender that started again.
         self._seen.append((now_ns, step if step < 128 else 1))
@@ -44,7 +45,7 @@ class LossMeter:
             self._seen.popleft()
 
     def share(self, now_ns: int) -> float | None:
-        """Share lost, 0 to 1; None when nothing was heard for `SILENCE_NS`."""
+        """Share lost, 0 to 1; None after a silence of `SILENCE_NS`."""
         if not self._seen or self._seen[-1][0] < now_ns - SILENCE_NS:
             return None
         sent = sum(step for time_ns, step in self._seen if time_ns >= now_ns - LOSS_WINDOW_NS)
@@ -54,7 +55,7 @@ class LossMeter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadioLevels:
-    """Link status from the telemetry radio (RADIO_STATUS; units are the maker's)."""
+    """Link status from the telemetry radio (RADIO_STATUS, in the manufacturer's units)."""
 
     rssi: int
     remote_rssi: int
@@ -67,7 +68,7 @@ class RadioLevels:
 class VehicleWatch:
     """Reads the autopilot's frames on the ground link.
 
-    `identity`: which vehicle is served; until that is known the first autopilot is watched.
+    `identity`: selects the served vehicle; until it is known, the first autopilot is watched.
     """
 
     def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:
@@ -79,18 +80,18 @@ class VehicleWatch:
         self.autopilot: Peer | None = None
         self.armed: bool | None = None
         self.landed: bool | None = None
-        """Whether the autopilot says that it stands on the ground; None: it says nothing."""
+        """True if the autopilot reports that it is on the ground; None: not reported."""
         self.pose: Pose | None = None
         """The vehicle's latest pose, on the ground's clock."""
         self.home: tuple[float, float] | None = None
-        """Latitude and longitude of where it took off, as the autopilot reports."""
+        """Home position reported by the autopilot: latitude and longitude [deg]."""
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None
         self.disk_free_mb: float | None = None
-        """Where the drone records its flights; None before its first report."""
+        """Free space on the drone's flight disk [MB]; None before its first report."""
         self.round_trip_s: float | None = None
-        """Of the last ping to the drone's companion and back."""
+        """Round-trip time of the last ping to the drone's companion [s]."""
         self.loss = LossMeter()
         self._attitude: tuple[float, float, float, float] | None = None
         self._heard_ns = 0
@@ -99,7 +100,7 @@ class VehicleWatch:
         self._ping_number = 0
 
     def receive(self, frame: Frame, now_ns: int) -> Pose | None:
-        """Handle a frame; return the vehicle's pose when it has a new position."""
+        """Handle a frame; return the vehicle's pose if its position is new."""
         message = frame.message()
         if isinstance(message, dialect.RadioStatus):
             self._take_radio(message)
@@ -133,11 +134,11 @@ class VehicleWatch:
         return self.identity.system_id in (None, system_id)
 
     def _alone(self, system_id: int, now_ns: int) -> bool:
-        """Whether that is our station, and no autopilot speaks for it: a mast, or a person."""
+        """True for our station without an autopilot: a mast, or a person on foot."""
         return system_id == self.identity.system_id and not self.present(now_ns)
 
     def _hear(self, peer: Peer, now_ns: int) -> None:
-        """Handle an autopilot's heartbeat: of our vehicle, or before that is known of any."""
+        """Handle the heartbeat of our vehicle's autopilot; of any, until ours is known."""
         ours = self.identity.system_id
         if ours is None:
             if not self.present(now_ns) and peer.system_id not in self.identity.excluded:
@@ -147,11 +148,11 @@ class VehicleWatch:
             self.autopilot = peer
 
     def present(self, now_ns: int) -> bool:
-        """True while the autopilot is heard."""
+        """True while the autopilot is received."""
         return self.autopilot is not None and now_ns - self._heard_ns < ns_from_s(5.0)
 
     def requests(self, now_ns: int) -> list[Message]:
-        """Ask for poses where none come: ArduPilot sends nothing unasked."""
+        """Request poses if none arrive: ArduPilot sends them only on request."""
         silent = self.pose is None or now_ns - self.pose.time_ns > POSE_SILENCE_NS
         if not (silent and self.present(now_ns) and now_ns - self._asked_ns > ASK_AGAIN_NS):
             return []
@@ -163,7 +164,7 @@ class VehicleWatch:
         ]
 
     def questions(self, now_ns: int) -> list[Message]:
-        """Ask from time to time which autopilot it is, where it took off, what is left."""
+        """Query the autopilot's version, home and battery from time to time."""
         due = self._facts_asked_ns == 0 or now_ns - self._facts_asked_ns > FACTS_AGAIN_NS
         if not (due and self.present(now_ns)):
             return []
@@ -176,7 +177,7 @@ class VehicleWatch:
         return messages
 
     def ping(self, now_ns: int) -> Message:
-        """Write the next ping, to everyone: the drone's companion answers."""
+        """Write the next ping, addressed to all; the drone's companion answers."""
         self._ping_number += 1
         return dialect.Ping(
             time_usec=now_ns // 1000,
@@ -260,7 +261,7 @@ class VehicleWatch:
 
 
 def request_message(peer: Peer, message_id: int) -> Message:
-    """Ask for a message once."""
+    """Request a message once."""
     return _command(peer, MavCmd.REQUEST_MESSAGE, message_id)
 
 

@@ -1,9 +1,8 @@
-"""Which vehicle a ground station serves. Pure.
+"""Select the vehicle that a ground station serves. Pure.
 
-On one radio several vehicles may be heard. The first one with our software is taken, by its
-system number and its autopilot's unique number, and kept through any silence until the
-operator chooses another: a station that went over to whoever is heard would stop, place and
-record the wrong one.
+One radio may carry several vehicles. The first one with our software is chosen, by its system
+number and its autopilot's unique number, and kept through any silence until the operator
+chooses another: a station that switched by itself would stop, locate and record the wrong one.
 """
 
 from uavrt.geodesy import distance_m
@@ -13,38 +12,38 @@ from uavrt.units import ns_from_s
 DRONE_COMPONENT = 191
 """MAVLink component of the drone side."""
 FOREIGN_NS = ns_from_s(60.0)
-"""An answer with another unique number counts so long: three questions."""
+"""Time for which a reply with a foreign unique number counts [ns]: three queries."""
 MAX_OTHERS = 16
 APART_M, SAME_M, TIMES = 40.0, 15.0, 4
-"""Places that jump by the first distance and return within the second, this many times in a
-row, come from two stations under one number."""
+"""Positions that jump by the first distance [m] and return within the second [m], this many
+times in a row, come from two stations under one number."""
 
 
 class VehicleIdentity:
-    """The vehicle that we serve, and the others heard.
+    """The served vehicle, and the others received.
 
-    `system_id`: its number; None takes the first that is heard.
-    `uid`: its autopilot's unique number, hexadecimal; None takes the first that is reported.
+    `system_id`: its number; None takes the first one received.
+    `uid`: its autopilot's unique number, hexadecimal; None takes the first one reported.
     """
 
     def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:
         self.system_id = system_id
         self.uid = uid
         self.others: dict[int, int] = {}
-        """Systems heard besides, and when last."""
+        """Other systems received, with the time of their last heartbeat [ns]."""
         self.excluded: set[int] = set()
-        """Vehicles that are never taken for ours: another session serves them."""
+        """Vehicles that another session serves and this one never selects."""
         self._foreign_ns: int | None = None
         self._places = _Places()
 
     def choose(self, system_id: int) -> None:
-        """Serve this vehicle from now on, whatever autopilot it has."""
+        """Serve this vehicle from now on, with any autopilot."""
         self.system_id, self.uid, self._foreign_ns = system_id, None, None
         self.others.pop(system_id, None)
         self._places = _Places()
 
     def heard(self, system_id: int, now_ns: int) -> bool:
-        """Handle a vehicle's heartbeat: the first is ours. Returns whether it is ours."""
+        """Handle a vehicle's heartbeat, the first becomes ours; return whether it is ours."""
         if self.system_id is None and system_id not in self.excluded:
             self.system_id = system_id
         if system_id == self.system_id:
@@ -54,7 +53,7 @@ class VehicleIdentity:
         return False
 
     def take_version(self, message: dialect.AutopilotVersion, now_ns: int) -> None:
-        """Take the unique number of our vehicle's autopilot."""
+        """Store the unique number of our vehicle's autopilot."""
         uid = unique_number(message)
         if uid is None:
             return
@@ -64,7 +63,7 @@ class VehicleIdentity:
             self._foreign_ns = now_ns
 
     def take_place(self, place: tuple[float, float], now_ns: int) -> None:
-        """Take where a station without an autopilot is: of two the places come in turn."""
+        """Add the position of a station without an autopilot, to detect two of them."""
         if self._places.take(place):
             self._foreign_ns = now_ns
 
@@ -74,16 +73,16 @@ class VehicleIdentity:
 
 
 class _Places:
-    """Distinguishes one station that moves from two that stand: places of two alternate."""
+    """Distinguishes one moving station from two standing ones, whose positions alternate."""
 
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
         self._before: tuple[float, float] | None = None
-        """Where it was before it last moved as no one moves."""
+        """Position before the last impossibly fast move."""
         self._back = 0
 
     def take(self, place: tuple[float, float]) -> bool:
-        """Whether these are two."""
+        """Add a position; return whether two stations send under this number."""
         last, self._last = self._last, place
         if last is None or distance_m(*last, *place) < APART_M:
             return False

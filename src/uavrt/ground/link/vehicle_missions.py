@@ -1,7 +1,7 @@
-"""Surveys into the autopilot as its mission, and its fence out of it, over the ground's link.
+"""Upload surveys to the autopilot as its mission, and read its fence, over the ground's link.
 
-A mission that is uploaded moves nothing: a pilot starts it. While the vehicle flies one nothing
-is uploaded, for that would change its way.
+An uploaded mission moves nothing until a pilot starts it. While the vehicle flies a mission,
+uploads are refused because they would change its path.
 """
 
 import asyncio
@@ -33,7 +33,8 @@ from uavrt.messages import VehicleFence
 POLL_S = 0.05
 HOME_WITHIN_S, ASKS_EVERY_S = 8.0, 1.0
 HEARD_WITHIN_S = 5.0
-"""A heartbeat comes once a second; where a fifth is lost, four in a row once in ten minutes."""
+"""Longest gap between heartbeats [s]. They come each second; at a loss of a fifth, four in a
+row are lost once in ten minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +44,7 @@ class Uploaded:
     items: int
     sent_again: int
     strange: int
-    """Messages that were heard and not used."""
+    """Messages received but not used."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -53,12 +54,11 @@ class _Autopilot:
 
 
 class VehicleMissions:
-    """Uploads and downloads, one at a time.
+    """Uploads and downloads missions, one at a time.
 
     Raises `CommandRefused` if the vehicle flies a mission, is unknown or refuses, and
     `LinkError` if it does not answer.
-
-    `system_id`: of the vehicle that is served; None while that is not known.
+    `system_id`: number of the served vehicle; None while unknown.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class VehicleMissions:
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
         self._homes: dict[int, tuple[float, float]] = {}
-        """Reported since they were last requested."""
+        """Home positions reported since the last request."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -91,12 +91,12 @@ class VehicleMissions:
             self._send_all(transfer.receive(message, sender, monotonic_s()))
 
     async def wait(self, timeout_s: float) -> None:
-        """Wait until an autopilot is heard; raises `LinkError` when none is."""
+        """Wait until an autopilot is received; raises `LinkError` after `timeout_s`."""
         deadline_s = monotonic_s() + timeout_s
         while not self._heard():
             if monotonic_s() > deadline_s:
                 raise LinkError(
-                    f"no autopilot was heard in {timeout_s:g} s",
+                    f"no autopilot was received in {timeout_s:g} s",
                     remedy="Check its power and the radio, and --mavlink",
                 )
             await asyncio.sleep(POLL_S)
@@ -107,9 +107,9 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Give the vehicle a survey that keeps to its fence and comes home within it.
+        """Upload a survey that stays within the fence and returns within it.
 
-        The way is checked by `call`, which calls a function outside of the event loop.
+        `call` runs the check of the path outside the event loop.
         """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
@@ -120,7 +120,7 @@ class VehicleMissions:
         return await self.upload(await call(survey_items, order, known, home))
 
     async def home(self) -> tuple[float, float]:
-        """Ask the vehicle for its home; raises `CommandRefused` or `LinkError`."""
+        """Query the vehicle's home; raises `CommandRefused` or `LinkError`."""
         self._homes.clear()
         asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
         for _ in range(asks):
@@ -136,7 +136,7 @@ class VehicleMissions:
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
-        """Give the vehicle a mission in place of its own, and read it back."""
+        """Replace the vehicle's mission, and read it back."""
         async with self._busy:
             peer, manners = self._vehicle()
             self._check_mode(manners)
@@ -188,7 +188,7 @@ class VehicleMissions:
         )
 
     def _watch(self) -> None:
-        """End an upload when the vehicle begins to fly a mission, or is no longer heard."""
+        """Abort an upload when the vehicle starts a mission or contact is lost."""
         if self._transfer is None or not self._uploads:
             return
         try:
@@ -199,15 +199,15 @@ class VehicleMissions:
             self._transfer.silent = isinstance(error, LinkError)
 
     def _vehicle(self) -> tuple[Peer, Manners]:
-        """Whom to talk to, and how it is."""
+        """Get the vehicle's address and its state."""
         heard, ours = self._heard(), self._system_id()
         if ours is not None:
             heard = {number: one for number, one in heard.items() if number == ours}
         if not heard:
-            raise LinkError("the autopilot is not heard", remedy="Check the radio link")
+            raise LinkError("no contact with the autopilot", remedy="Check the radio link")
         if len(heard) > 1:
             raise CommandRefused(
-                f"{len(heard)} autopilots are heard: {', '.join(map(str, sorted(heard)))}",
+                f"{len(heard)} autopilots are received: {', '.join(map(str, sorted(heard)))}",
                 remedy="Switch on the drone side of the one that is meant",
             )
         ((number, one),) = heard.items()
@@ -228,7 +228,7 @@ class VehicleMissions:
         if mode in manners.mission_modes:
             raise CommandRefused(
                 f"the vehicle is in {manners.mode_name(mode)}: another mission would change "
-                "its way",
+                "its path",
                 remedy="Let the pilot hold position first",
             )
 

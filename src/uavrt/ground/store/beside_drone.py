@@ -1,8 +1,7 @@
-"""The drone side on the same computer, where the page has its flights.
+"""Detect a drone side on this computer whose flights are in the page's directory.
 
-Its directory is known by what the supervisor keeps there. What the page receives of a flight
-is a copy of one that lies there already, and is named after it: so a star on either keeps both,
-and the drone's disk guard removes both.
+The supervisor's files identify the directory. The page's copy of a flight is named after the
+drone's recording, so that a star on either keeps both and the drone's disk guard removes both.
 """
 
 from pathlib import Path
@@ -16,12 +15,12 @@ _FLYING = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
 def is_the_drones(directory: Path) -> bool:
-    """Whether the drone side of this computer makes its flights in this directory."""
+    """True if the drone side of this computer records its flights in this directory."""
     return (directory / LOCK_NAME).exists()
 
 
 def flight_under_way(directory: Path) -> Path | None:
-    """Get the flight that the drone side of this computer is at, if it is in this directory."""
+    """Get the flight that this computer's drone side is recording in this directory."""
     try:
         saved = read_record(directory / STATE_NAME, SavedState)
     except (OSError, FormatError):

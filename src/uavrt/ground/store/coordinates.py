@@ -1,4 +1,4 @@
-"""A place as people read it out: decimal degrees, DMS, UTM, MGRS.
+"""Format a position as decimal degrees, DMS, UTM and MGRS.
 
 MGRS lettering: NGA.SIG.0012, WGS 84 scheme "AA".
 """
@@ -13,7 +13,7 @@ _ROWS = "ABCDEFGHJKLMNPQRSTUV"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readout:
-    """One place in every notation."""
+    """One position in every notation."""
 
     decimal: str
     dms: str
@@ -23,7 +23,7 @@ class Readout:
 
 
 def readout(latitude_deg: float, longitude_deg: float) -> Readout:
-    """Write a place in every way, to about a metre."""
+    """Format a position in every notation, to about a metre."""
     grid = utm(latitude_deg, longitude_deg)
     return Readout(
         decimal=f"{latitude_deg:.5f}, {longitude_deg:.5f}",
@@ -49,7 +49,7 @@ def dms(angle_deg: float, letters: str) -> str:
 
 
 def mgrs(place: Utm) -> str:
-    """Write a UTM place in the Military Grid Reference System, to the metre (truncated)."""
+    """Format a UTM position as MGRS, to the metre (truncated)."""
     easting, northing = int(place.easting_m), int(place.northing_m)
     column = _COLUMNS[(place.zone - 1) % 3][easting // 100_000 - 1]
     shift = 0 if place.zone % 2 else 5

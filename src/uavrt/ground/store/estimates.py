@@ -1,4 +1,4 @@
-"""Bearings and positions while flying and afterwards, by the one estimator, for the page."""
+"""Bearings and positions for the page, during and after a flight, by the common estimator."""
 
 import base64
 from collections.abc import Sequence
@@ -39,16 +39,16 @@ from uavrt.terrain.elevation_files import open_elevation
 from uavrt.units import wrap_degrees_360
 
 SECTORS = 16
-"""Wedges of the pulse rose, as the original ground station's finest rotation."""
+"""Sectors of the pulse rose, as in the original ground station's finest rotation."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
-"""Most that are computed in one estimate of a flight that goes on, after the first: each takes
-some 80 ms of a core. The others of many tags come in turn."""
+"""Most positions computed in one estimate of a flight in progress, after the first one; each
+takes some 80 ms of a core. Further tags follow in turn."""
 Record = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaChoice:
-    """How the ground reads the headings of pulses, what it trusts them to, and the hills."""
+    """Antenna, its mounting, shared errors and elevation data for the estimates."""
 
     pattern: str = "RA-23K"
     offset_deg: float = 0.0
@@ -63,7 +63,7 @@ class AntennaChoice:
 
     @property
     def read_as(self) -> ReadAs:
-        """For the estimator; raises `FormatError`."""
+        """Settings for the estimator; raises `FormatError`."""
         return ReadAs(
             antenna=self.pattern,
             offset_deg=self.offset_deg,
@@ -75,7 +75,7 @@ class AntennaChoice:
 
 @lru_cache(maxsize=1)
 def _elevation(dem: str) -> Elevation:
-    """Open elevation files once: a live flight is estimated again and again."""
+    """Open elevation files once: a flight in progress is estimated many times."""
     return open_elevation(Path(dem))
 
 
@@ -86,19 +86,19 @@ class Estimates:
     bearings: list[Record]
     positions: list[Record]
     found: Found = field(default_factory=Found)
-    """What goes into other vehicles' positions of the tags."""
+    """Results that other vehicles use for their positions of the tags."""
     more: bool = False
-    """Whether there is more to work out of what has been heard already."""
+    """True if data already received is not fully evaluated yet."""
 
     def record(self) -> dict[str, list[Record]]:
-        """What the page receives."""
+        """Record for the page."""
         return {"bearings": self.bearings, "positions": self.positions}
 
     @property
     def outline(self) -> tuple[tuple[int, int, int, float], ...]:
-        """What changes when more is found: tag, turn, pulses and bearing of each.
+        """Summary that changes with each new result: tag, turn, pulses and bearing.
 
-        Of strengths the number of places and, to a decibel, their sum.
+        Of signal strengths the number of positions and their sum, rounded to a decibel.
         """
         bearings = tuple(
             (one.tag_id, one.number, one.heard, one.bearing.bearing_deg)
@@ -111,7 +111,7 @@ class Estimates:
 
 
 class Estimator:
-    """Estimates a flight again and again; what has not changed is kept."""
+    """Repeats the estimates of a flight; unchanged results are kept."""
 
     def __init__(self) -> None:
         self._cache = Cache()
@@ -120,10 +120,9 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Turns of the same drone's past flights, which show the antenna.
+        """Turns of the same drone's past flights, from which its antenna pattern is learned.
 
-        They are read once for each flight and antenna; a flight that cannot be read is taught
-        nothing.
+        Each flight is read once per antenna; unreadable flights are left out.
         """
         if antenna.pattern == MONOPOLE:
             return ()
@@ -149,16 +148,13 @@ class Estimator:
         name: str = "this vehicle",
         listed: Sequence[Tag] = (),
     ) -> Estimates:
-        """Estimate all bearings and positions of a flight as it is now.
+        """Estimate all bearings and positions of a flight in its present state.
 
-        What the `companions` have found goes into the positions where the number means a
-        tag of the same frequency: as heard, else as searched for, else as `listed` here. To
-        others this vehicle's own strengths are those of its `name`. Turns of `past` flights
-        teach the antenna's pattern too.
-
-        Of the tags that are searched for, pulses that must have come and were not heard count
-        too. A bearing of the drone's own stands where it knows of more pulses of that turn than
-        have reached the ground.
+        The `companions`' results are used for tags of the same number and frequency: as
+        received, else as searched for, else as `listed` here. Other vehicles' estimates
+        identify this vehicle's strengths by its `name`. Turns of `past` flights refine the
+        antenna pattern. For searched tags, missed pulses count, too. A bearing computed on the
+        drone is kept if it used more pulses of its turn than have reached the ground.
         """
         sent = {tag.tag_id for tag in tags}
         every = (*tags, *(tag for tag in listed if tag.tag_id not in sent))
@@ -196,13 +192,13 @@ class Estimator:
 
 
 def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
-    """Whether a drone's bearing is of a turn on the ground, as was known only later."""
+    """True if a drone's bearing belongs to a turn on the ground, by later information."""
     middle_ns = (one.start_time_ns + one.end_time_ns) // 2
     return any(first <= middle_ns <= last for first, last in spans_ns)
 
 
 def _bearing(one: TagBearing, heard: Heard, offset_deg: float) -> Record:
-    """What the page receives of a bearing; a drone's has no rose."""
+    """Bearing for the page; one computed on the drone has no rose."""
     assert one.turn is not None
     return bearing_record(one) | {
         "turn": one.number,
@@ -216,7 +212,7 @@ def _bearing(one: TagBearing, heard: Heard, offset_deg: float) -> Record:
 
 
 def _rose(one: TagBearing, heard: Heard, offset_deg: float) -> list[float | None]:
-    """Greatest SNR in each of 16 sectors, the first centred on north."""
+    """Highest SNR in each of 16 sectors, the first one centred on north."""
     own = heard.pulses[one.tag_id]
     first, last = np.searchsorted(own.time_ns, [one.start_time_ns, one.end_time_ns + 1])
     yaw = yaws_deg(own.quaternion_wxyz[first:last]) + offset_deg
@@ -231,7 +227,7 @@ def _rose(one: TagBearing, heard: Heard, offset_deg: float) -> list[float | None
 
 
 def _end_ns(one: TagPosition, bearings: Sequence[TagBearing], heard: Heard) -> int:
-    """Until when a position knows what was heard."""
+    """Time of the last data that a position uses [ns]."""
     if one.position is not None and one.position.track:
         return one.position.track[-1].time_ns
     ends = [
@@ -245,7 +241,7 @@ def _end_ns(one: TagPosition, bearings: Sequence[TagBearing], heard: Heard) -> i
 
 
 def _position(one: TagPosition) -> Record:
-    """What the page receives of a position."""
+    """Position for the page."""
     found = one.position
     assert found is not None
     record = position_record(one)
@@ -258,7 +254,7 @@ def _position(one: TagPosition) -> Record:
 
 
 def _regions(grid: PositionGrid | None) -> Record:
-    """Outlines of the smallest regions of 50 and 95 %, and the heat map."""
+    """Outlines of the smallest 50 % and 95 % regions, and the heat map."""
     if grid is None:
         return {"region50": [], "region95": [], "heat": None}
     outlines = {

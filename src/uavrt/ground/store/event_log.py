@@ -1,4 +1,4 @@
-"""The operator's log: status texts, acknowledgements and the station's own words."""
+"""The operator's log: status texts, acknowledgements and messages of the station."""
 
 import json
 from collections import deque
@@ -13,14 +13,14 @@ from uavrt.foreign import decode_record, size_of
 from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
-"""Lines that a page is given; the file keeps all."""
+"""Lines sent to a page; the file keeps all."""
 TAIL = 400_000
-"""Bytes of the file that are read at the start."""
+"""Bytes read from the end of the file at the start."""
 MAX_TEXT = 400
 
 
 class _Line(msgspec.Struct, frozen=True):
-    """A line of the file; what is none does not reach a page."""
+    """A line of the file; invalid ones are not sent to a page."""
 
     time_ns: int
     severity: int
@@ -29,10 +29,7 @@ class _Line(msgspec.Struct, frozen=True):
 
 
 class EventLog:
-    """Lines in memory and, one JSON object each, in a file.
-
-    `path`: the file; lines of earlier runs are read from it.
-    """
+    """Lines in memory and, one JSON object each, in a file, whose earlier ones are read."""
 
     def __init__(self, path: Path, disk: Disk = at_once) -> None:
         self._path = path
@@ -42,11 +39,7 @@ class EventLog:
         self._read()
 
     def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
-        """Add a line, cut at 400 characters; return it as it is shown.
-
-        `severity`: MAVLink's, 0 (emergency) to 7 (debug).
-        `source`: ``"drone"``, ``"acknowledgement"`` or ``"ground"``.
-        """
+        """Add a line of a MAVLink severity and source, cut at 400 characters; return it."""
         self._number += 1
         line = {
             "number": self._number,

@@ -20,7 +20,6 @@ from uavrt.messages import (
     FlightInfo,
     Health,
     Pose,
-    Poses,
     PulsePose,
     SearchReport,
     StatusText,
@@ -37,24 +36,23 @@ from uavrt.recording.plain_database import open_plain
 log = get_logger()
 
 BURST_COMES_WITHIN_S = 60.0
-"""Longest wait for a burst whose content came first [s]; each is sent until acknowledged. A
-burst that does not come belongs to a flight that this ground station does not have."""
+"""Longest wait for a burst whose content arrived first [s]; each is sent until acknowledged. If
+it does not arrive, it belongs to a flight that this ground station does not have."""
 MOST_EARLY = 1000
-"""Most bursts whose content is kept waiting."""
+"""Most contents that wait for their burst."""
 
 
 class FlightKeeper:
-    """Writes everything that is received into a flight directory of the ground's own.
+    """Writes everything received into a flight directory of the ground's own.
 
-    Nothing here waits for the disk: `queue` hands over what was taken, and counts how much of
-    it is durable.
+    Nothing here waits for the disk: `queue` takes the work and counts how much is durable.
 
-    `directory`: where flights are made.
-    `disk`: where the writing is done; without one a commit does it before it returns.
-    `also`: called where the writing is done, with each pulse and content of a burst before its
-    flight is committed. A `RecordingError` has it called again, and the flight waits.
-    `on_written`: called after each write, whether the disk took it or not.
-    `begun`: flights that were begun, also by other keepers; the disk may not have them yet.
+    `directory`: where flights are created.
+    `disk`: thread for writing; without one, a commit writes before it returns.
+    `also`: called in that thread with each pulse and burst content before its flight is
+    committed. If it raises `RecordingError`, it is called again later and the flight waits.
+    `on_written`: called after each write, successful or not.
+    `begun`: flights begun, also by other keepers, that may not be on the disk yet.
     """
 
     def __init__(
@@ -72,26 +70,26 @@ class FlightKeeper:
         self.queue = FlightQueue(directory, disk, also, on_written)
         self._live = LiveColumns()
         self._path: Path | None = None
-        """Of the flight that is open."""
+        """Path of the open flight."""
         self._begun: set[Path] = set() if begun is None else begun
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._early_s: dict[tuple[int, int], float] = {}
-        """Bursts that have not come, and the time at which their content first came [s]."""
+        """Bursts that have not arrived, and when their content first did [s]."""
         self.without_burst = 0
-        """Contents discarded because their burst did not come."""
+        """Contents discarded because their burst did not arrive."""
         self.flight_id: str | None = None
         self.start_time_ns = 0
         self.ended = True
 
     @property
     def pulses(self) -> int:
-        """Different pulses of this flight."""
+        """Number of different pulses in this flight."""
         return len(self._live.keys)
 
     def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
-        """Begin a flight; gives its name.
+        """Begin a flight; return its name.
 
-        `flown`: the drone's own recording of it in the same directory: ours is a copy of that.
+        `flown`: the drone's own recording of it in the same directory, of which ours is a copy.
         """
 
         def is_taken(path: Path) -> bool:
@@ -121,9 +119,9 @@ class FlightKeeper:
         return path.name
 
     def resume(self, flight_id: str) -> bool:
-        """Continue with a flight after a restart; False when it is not there any more.
+        """Continue with a flight after a restart; False if it no longer exists.
 
-        It reads and writes where it is called: in the disk thread, where there is one.
+        Reads and writes in the calling thread, which should be the disk thread if there is one.
         """
         path = self._directory / flight_id
         if Path(flight_id).name != flight_id:
@@ -145,22 +143,22 @@ class FlightKeeper:
         return True
 
     def load(self, columns: Columns) -> None:
-        """Take the pulses and poses of a resumed flight in, for the estimates."""
+        """Load the pulses and poses of a resumed flight for the estimates."""
         self._live.load(columns)
 
     def _store(self, item: Stored) -> None:
-        """Take a pulse for the open flight; raises `RecordingError` where it cannot wait."""
+        """Queue a pulse of the open flight; raises `RecordingError` if the queue is full."""
         if self._path is None:
             raise RecordingError("no flight is open")
         self.queue.store(lambda writer: writer.store(item))
 
     def _record(self, write: Callable[[FlightRecorder], None]) -> None:
-        """Write what no receipt waits for into the flight while it goes on."""
+        """Queue a record that needs no receipt, while the flight goes on."""
         if not self.ended:
             self.queue.record(write)
 
     def add_pulse(self, item: PulsePose) -> bool:
-        """Add a pulse; False when it was here before. Raises as `FlightQueue.store`."""
+        """Add a pulse; False if it is a repetition. Raises as `FlightQueue.store`."""
         key = item.pulse.key
         if key in self._live.keys:
             return False
@@ -170,10 +168,10 @@ class FlightKeeper:
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Add its content to a burst of this flight; False if the burst is of another flight.
+        """Add content to a burst of this flight; False if the burst is of another flight.
 
-        Raises `RecordingError`: the content was not stored: its burst has not come yet, or the
-        disk is too slow.
+        Raises `RecordingError`: not stored, because its burst has not arrived or the disk is
+        slow.
         """
         if burst.key in self._live.keys:
             self._store(burst)
@@ -189,7 +187,7 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_COMES_WITHIN_S:
-            raise RecordingError("the burst that it belongs to has not come")
+            raise RecordingError("the burst that it belongs to has not arrived")
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")
@@ -198,10 +196,10 @@ class FlightKeeper:
     def add_pose(self, pose: Pose) -> None:
         """Add a pose of the vehicle."""
         if not self.ended and self._live.add_pose(pose):
-            self._record(lambda flight: flight.write_poses(Poses(poses=(pose,))))
+            self._record(lambda flight: flight.write(pose))
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> None:
-        """Add what the autopilot says of arming and landing; only changes are written."""
+        """Add whether the vehicle is armed and landed; only changes are written."""
         if self.ended or not self._live.add_state(time_ns, armed, landed):
             return
         said = {ARMED: armed, LANDED: landed}
@@ -209,19 +207,19 @@ class FlightKeeper:
         health = Health(
             process=GROUND_STATION, time_ns=time_ns, status="ready", ok=True, counters=counters
         )
-        self._record(lambda flight: flight.write_health(health))
+        self._record(lambda flight: flight.write(health))
 
     def add_search_report(self, report: SearchReport) -> None:
         """Add a search that found nothing."""
-        self._record(lambda flight: flight.write_search_report(report))
+        self._record(lambda flight: flight.write(report))
 
     def correct_tags(self, tags: tuple[Tag, ...]) -> None:
-        """Go on with other values of the flight's tags."""
-        self._record(lambda flight: flight.write_tags(tags))
+        """Continue with corrected values of the flight's tags."""
+        self._record(lambda flight: flight.write(*tags))
 
     def add_beep(self, beep: Beep) -> None:
         """Add a measurement of a sender of pulses."""
-        self._record(lambda flight: flight.write_beep(beep))
+        self._record(lambda flight: flight.write(beep))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
         """Add a text for the operator."""
@@ -229,20 +227,20 @@ class FlightKeeper:
         self._record(lambda flight: flight.write_status_text(said, time_ns))
 
     def add_note(self, text: str, time_ns: int) -> None:
-        """Add a mark of the operator, also after the end."""
+        """Add a mark of the operator, even after the end."""
         if self._path is not None:
             self.queue.record(lambda flight: flight.write_note(text, time_ns))
 
     def columns(self) -> Columns:
-        """Copy what is known of the flight, for another thread."""
+        """Copy the flight's columns for another thread."""
         return self._live.columns(goes_on=not self.ended)
 
     def end(self) -> None:
-        """Mark the flight as ended; pulses of it that come later are still added."""
+        """Mark the flight as ended; late pulses of it are still added."""
         self.ended = True
 
     def close(self) -> None:
-        """End the recording; what the disk does not take now is written by a later `commit`."""
+        """End the recording; a later `commit` writes what the disk refuses now."""
         if self._path is not None:
             self._before = self._path, frozenset(self._live.keys)
             self.queue.put(FlightWriter.end)

@@ -1,4 +1,4 @@
-"""What waits to be written into the flights of a ground station, and what the disk has."""
+"""Queue of writes into a ground station's flights, and the amount that is on the disk."""
 
 import asyncio
 from collections.abc import Callable
@@ -14,22 +14,22 @@ from uavrt.recording.flight_recorder import FlightRecorder
 log = get_logger()
 
 MOST_WAITING = 10_000
-"""Pulses that wait in memory for a disk that fails. More stay with the drone, which sends again
-what is not acknowledged."""
+"""Most pulses waiting for a failing disk; the drone keeps more and repeats unacknowledged
+ones."""
 MOST_OTHERS = 20_000
-"""Poses, notes and the like that wait while the disk does not answer."""
+"""Most poses, notes and similar records that wait while the disk does not answer."""
 RETRY_S = 1.0
-"""Between two tries of a disk that fails."""
+"""Pause before a failed write is repeated [s]."""
 SLOW_S = 2.0
-"""A write that takes longer is reported [s]; a healthy memory card takes some milliseconds."""
+"""Duration above which a write is reported as slow [s]; a healthy card takes milliseconds."""
 TURN_S = 0.01
-"""Between two looks at whether the disk has written."""
+"""Interval at which `settle` checks for the end of a write [s]."""
 
 
 class FlightQueue:
-    """Hands work to a `FlightWriter` in the disk thread; nothing here waits for the disk.
+    """Passes work to a `FlightWriter` in the disk thread; nothing here waits for the disk.
 
-    `on_written`: called after each write, whether the disk took it or not.
+    `on_written`: called after each write, successful or not.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class FlightQueue:
         self._works: DiskBatches[tuple[bool, Callable[[FlightWriter], None]], Written] = (
             DiskBatches(disk, self.writer.write, self._written)
         )
-        """What the writer is to do; True for what receipts wait for."""
+        """Pending work of the writer; True marks work that receipts wait for."""
         self._taken = self._applied = self._durable = 0
         self._left_out = 0
         self._retry_at_s = 0.0
@@ -55,7 +55,7 @@ class FlightQueue:
 
     @property
     def fault(self) -> str | None:
-        """Why the disk has not taken all, or that it is slow; None when all is well."""
+        """Why not everything is on the disk, or that it is slow; None otherwise."""
         handed_s = self._works.handed_s
         now_s = 0.0 if handed_s is None else monotonic_s() - handed_s
         before_s = 0.0 if self._error is not None or self.stored else self._works.took_s
@@ -71,12 +71,12 @@ class FlightQueue:
 
     @property
     def progress(self) -> tuple[int, int]:
-        """How many pulses and contents of bursts were taken, and the durable ones of these."""
+        """Number of pulses and burst contents accepted, and how many of them are durable."""
         return self._taken, self._durable
 
     @property
     def stored(self) -> bool:
-        """Whether every pulse that was taken is on the disk."""
+        """True if every accepted pulse is on the disk."""
         return not self._waiting
 
     @property
@@ -84,18 +84,18 @@ class FlightQueue:
         return self._taken - self._durable
 
     def store(self, work: Callable[[FlightWriter], None]) -> None:
-        """Take work that a receipt waits for; raises `RecordingError` where it cannot wait."""
+        """Queue work that a receipt waits for; raises `RecordingError` if the queue is full."""
         if self._waiting >= MOST_WAITING:
             raise RecordingError(self.fault or "the disk is too slow for the pulses received")
         self.put(work, counts=True)
 
     def put(self, work: Callable[[FlightWriter], None], *, counts: bool = False) -> None:
-        """Take work for the next commit; with `counts` a receipt waits for it."""
+        """Queue work for the next commit; with `counts` a receipt waits for it."""
         self._taken += counts
         self._works.waiting.append((counts, work))
 
     def record(self, write: Callable[[FlightRecorder], None]) -> None:
-        """Take what no receipt waits for; discard it if too much waits."""
+        """Queue work that needs no receipt; discard it if too much waits."""
         if len(self._works.waiting) < MOST_WAITING + MOST_OTHERS:
             self.put(lambda writer: writer.record(write))
         else:
@@ -103,9 +103,9 @@ class FlightQueue:
             log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Bring everything to the disk; what it does not take waits, and `fault` says why.
+        """Write everything to the disk; what it refuses waits, and `fault` has the reason.
 
-        After a fault a second passes before the next try, unless `at_once`.
+        After a fault the next try comes a second later, unless `at_once`.
         """
         fault = self.fault
         if fault is not None and not self._reported:
@@ -119,7 +119,7 @@ class FlightQueue:
     def _written(
         self, works: list[tuple[bool, Callable[[FlightWriter], None]]], written: Written
     ) -> None:
-        """Count what the disk has now."""
+        """Update the number of durable items."""
         self._applied += sum(counts for counts, _ in works)
         if written.fault is None:
             self._durable = self._applied
@@ -130,12 +130,12 @@ class FlightQueue:
         self._on_written()
 
     def mended(self) -> str:
-        """Get what was wrong with the flight's database and has been put right, once."""
+        """Get the repaired fault of the flight's database, once."""
         text, self._mended = self._mended, ""
         return text
 
     async def settle(self, within_s: float) -> None:
-        """Wait until the disk has taken all, has refused it, or the time is over."""
+        """Wait until everything is written or refused, for `within_s` at most."""
         if self._works.waiting:
             self.commit()
         end_s = monotonic_s() + within_s

@@ -1,4 +1,4 @@
-"""Writes the flights that a ground station receives; all of it runs in the disk thread."""
+"""Write the flights that a ground station receives; runs in the disk thread."""
 
 from collections import deque
 from collections.abc import Callable
@@ -20,20 +20,20 @@ Stored = PulsePose | BurstInside
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """What became of a batch."""
+    """Result of writing a batch."""
 
     fault: str | None
-    """Why the disk has not taken all; None when everything so far is on it."""
+    """Why not everything is on the disk; None if all is."""
     mended: str
-    """What was wrong with the flight's database and has been put right."""
+    """The repaired fault of the flight's database."""
 
 
 class FlightWriter:
-    """The flight in progress, and those before it that the disk has not taken whole.
+    """The flight in progress, and earlier ones that are not completely on the disk.
 
-    `also`: called with each pulse and content of a burst before its flight is committed: what a
-    flight has is not received again after a kill. For a `RecordingError` it is called again
-    later, and the flight waits.
+    `also`: called with each pulse and burst content before its flight is committed, since they
+    are not received again after a kill. If it raises `RecordingError`, it is called again later
+    and the flight waits.
     """
 
     def __init__(self, also: Callable[[Stored], object]) -> None:
@@ -41,11 +41,11 @@ class FlightWriter:
         self._flight: FlightRecorder | None = None
         self._ending: list[FlightRecorder] = []
         self._listed: deque[Stored] = deque()
-        """Items that `also` has not had."""
+        """Items not yet passed to `also`."""
         self._discarded = 0
 
     def begin(self, info: FlightInfo, *, among_the_drones: bool) -> None:
-        """Begin a flight; with `among_the_drones` its order among the drone's is noted."""
+        """Begin a flight; with `among_the_drones`, add it to the drone's order of flights."""
         self._flight = FlightRecorder.open(info, durable=True)
         self._flight.write_note(GROUND_NOTE, info.start_time_ns)
         if among_the_drones:
@@ -55,25 +55,25 @@ class FlightWriter:
                 log.warning("order of flights not noted", reason=str(error))
 
     def go_on(self, path: Path) -> None:
-        """Go on with a flight after a restart; raises `RecordingError` if it cannot."""
+        """Continue a flight after a restart; raises `RecordingError` if it cannot."""
         self._flight = FlightRecorder.reopen(path, durable=True)
 
     def record(self, write: Callable[[FlightRecorder], None]) -> None:
-        """Write into the flight in progress."""
+        """Write a record into the flight in progress."""
         if self._flight is not None:
             write(self._flight)
 
     def store(self, item: Stored) -> None:
-        """Write a pulse, or the content of a burst, into the flight in progress."""
+        """Write a pulse or burst content into the flight in progress."""
         assert self._flight is not None
         if isinstance(item, PulsePose):
-            self._flight.write_pulse_poses([item])
+            self._flight.write_pulses([item])
         else:
             self._flight.write_inside(item)
         self._listed.append(item)
 
     def store_before(self, path: Path, burst: BurstInside) -> None:
-        """Write the content of a burst into the flight before; discard it if that is gone."""
+        """Write burst content into an earlier flight; discard it if that no longer exists."""
         if not FlightLayout(path).database.exists():
             self._discarded += 1
             log.seldom(self._discarded, "content of a burst discarded: its flight is gone")
@@ -90,7 +90,7 @@ class FlightWriter:
         self._flight = None
 
     def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
-        """Do all of this and bring it to the disk itself, with all that waits for it."""
+        """Execute all work and make it durable, with everything that waited before."""
         for _, work in works:
             work(self)
         fault = None

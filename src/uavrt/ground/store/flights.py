@@ -15,25 +15,32 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.ground.store.known_flights import FlightChoice, FlightSummary, KnownFlights
+from uavrt.errors import FormatError, RecordingError, UsageError, os_errors_as
+from uavrt.ground.store.known_flights import (
+    FlightChoice,
+    FlightSummary,
+    keep_flights,
+    kept_flights,
+)
 from uavrt.localization.heard import Heard, PoseColumns, PulseColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.recording.flight_order import flown_name, order_noted
 from uavrt.recording.flight_reader import DAMAGED, ground_states_in
-from uavrt.recording.layout import FlightLayout, Stamp, stamp_of
-from uavrt.recording.places import GROUND_NOTE, Places, places_of, vehicle_of
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.outline import read_outline
+from uavrt.recording.places import Places, places_of
 from uavrt.recording.plain_database import open_plain
 from uavrt.recording.quiet_noise import read_quiet_noise_db, usual_noise_db
-from uavrt.recording.schema import POSE_COLUMNS, TAG_COLUMNS, pose_row, read_older, tag_from_row
+from uavrt.recording.schema import POSE_COLUMNS, pose_row, read_older
+from uavrt.recording.stamped import Stamped
 
 CHUNK = 4000
 LAST_NS = 2**63
-"""After all times of flights, which are 64 bits [ns since 1970]."""
+"""Later than all times of flights, which have 64 bits [ns since 1970]."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
-"""What a pulse can be in flight, by the page's numbers."""
+"""Statuses of a pulse in flight, by the page's numbers."""
 
 PULSE_COLUMNS = (
     "tag_id",
@@ -55,7 +62,7 @@ PULSE_COLUMNS = (
     "ghost_of_tag_id",
     "clipped",
 )
-"""What `FlightLibrary.pulses` reads of a pulse and its pose, by the names of their fields."""
+"""Columns of a pulse and its pose that `FlightLibrary.pulses` reads, by field name."""
 PLACE_COLUMNS = (
     "latitude_deg",
     "longitude_deg",
@@ -65,7 +72,7 @@ PLACE_COLUMNS = (
     "quaternion_y",
     "quaternion_z",
 )
-"""What `FlightLibrary.columns` reads of a pose after its time."""
+"""Columns of a pose after its time that `FlightLibrary.columns` reads."""
 
 _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "detection_status": (
@@ -79,7 +86,7 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     ),
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
-"""How a field becomes one number, in SQL and here, where it is not one already."""
+"""Conversion of non-numeric fields to one number, in SQL and in Python."""
 _OF_POSE = POSE_COLUMNS.split(", ")
 _SELECT_PULSES = (
     "SELECT "
@@ -112,14 +119,14 @@ class Columns:
     poses: NDArray[np.float64]
     """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times of what the autopilot says was not flown."""
+    """Start and end of times on the ground, as the autopilot reported them [ns]."""
     takeoff_amsl_m: float = math.nan
-    """Height above sea level from which the poses' heights count, by the first of them."""
+    """Height above sea level of the zero of relative altitudes, from the first pose [m]."""
     goes_on: bool = False
-    """More may come."""
+    """True while more data may arrive."""
 
     def heard(self, tags: Sequence[Tag], name: str = "this vehicle") -> Heard:
-        """The same for the estimator."""
+        """The same columns for the estimator."""
         pulses, poses, rate = self.pulses, self.poses, np.nan_to_num(self["rate"], nan=1.0)
         return Heard.of(
             self["tag_id"].astype(np.int64),
@@ -160,41 +167,38 @@ class FlightLibrary:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        self._known = KnownFlights(directory / "flight_list.json")
-        self._quiet: dict[str, tuple[Stamp, float | None]] = {}
+        self._list = directory / "flight_list.json"
+        self._known = Stamped(self._read_summary, kept_flights(self._list))
+        self._kept = dict(self._known.kept)
+        self._quiet = Stamped(lambda path: read_quiet_noise_db(Path(path)))
 
     def summaries(self) -> list[FlightSummary]:
-        """Get all flights, newest first; what cannot be read is left out.
+        """Get all flights, newest first; unreadable ones are left out.
 
-        With the drone's flights its notes decide which was flown last, else the times.
+        Flights recorded by the drone are sorted by the drone's order file, others by time.
         """
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:
-                known = self._known.get(entry.name, stamp_of(entry.path))
-                if known is not None:
-                    found.append(_starred(known, entry.path))
-                    continue
                 with suppress(FormatError, UsageError, OSError):
-                    found.append(self.summary(entry.name))
+                    found.append(self._summary(entry.name))
         noted = order_noted(self.directory)
 
         def age(flight: FlightSummary) -> tuple[int, int]:
             return noted.get(flown_name(flight.flight_id), -1), flight.start_time_ns
 
-        with suppress(OSError):
-            self._known.write({flight.flight_id for flight in found})
+        self._keep({flight.flight_id for flight in found})
         return sorted(found, key=age, reverse=True)
 
     def find(
         self, choice: FlightChoice, after: int, limit: int
     ) -> tuple[int, list[FlightSummary]]:
-        """Get how many flights are wanted, and some of them, newest first."""
+        """Get the number of matching flights, and one page of them, newest first."""
         found = [flight for flight in self.summaries() if choice.holds(flight)]
         return len(found), found[after : after + limit]
 
     def has(self, flight_id: str) -> bool:
-        """Return whether there is such a flight."""
+        """True if the flight exists."""
         try:
             self.path(flight_id)
         except UsageError:
@@ -212,46 +216,41 @@ class FlightLibrary:
 
     def summary(self, flight_id: str) -> FlightSummary:
         """Get one line of the list; raises `UsageError` or `FormatError`."""
-        path = str(self.path(flight_id))
-        stamp = stamp_of(path)
-        if (known := self._known.get(flight_id, stamp)) is not None:
-            return _starred(known, path)
-        with self._database(flight_id) as database:
-            row = database.execute("SELECT start_time_ns FROM flight").fetchone()
-            if row is None:
-                raise FormatError(f"{flight_id} was cut off before it began")
-            count, last = database.execute(
-                "SELECT count(*), max(end_time_ns) FROM pulses"
-            ).fetchone()
-            last_pose = database.execute("SELECT max(time_ns) FROM poses").fetchone()[0]
-            columns = TAG_COLUMNS
-            tags = database.execute(f"SELECT {columns} FROM tags ORDER BY tag_id").fetchall()
-            ours = database.execute(
-                "SELECT count(*) FROM notes WHERE text = ?", (GROUND_NOTE,)
-            ).fetchone()[0]
-            vehicles = database.execute(
-                "SELECT time_ns, text FROM notes WHERE text LIKE 'vehicle %' ORDER BY time_ns"
-            ).fetchall()
-            start_ns = int(row[0])
-            end_ns = max(start_ns, int(last or 0), int(last_pose or 0))
-            if not -LAST_NS <= start_ns <= end_ns < LAST_NS:
-                raise FormatError(f"{flight_id} has times that are none")
-            summary = FlightSummary(
-                flight_id=flight_id,
-                start_time_ns=start_ns,
-                end_time_ns=end_ns,
-                pulses=count,
-                tags=tuple(map(tag_from_row, tags)),
-                source="ground" if ours else "drone",
-                vehicle=vehicle_of(vehicles),
-            )
-        self._known.put(summary, stamp)
-        return _starred(summary, path)
+        self.path(flight_id)
+        return self._summary(flight_id)
+
+    def _summary(self, flight_id: str) -> FlightSummary:
+        place = f"{self.directory}/{flight_id}"
+        flight = self._known.get(place)
+        starred = os.path.exists(f"{place}/starred")  # as it is now
+        return flight if flight.starred == starred else replace(flight, starred=starred)
+
+    def _keep(self, flight_ids: set[str]) -> None:
+        """Keep what is known of these flights, if it has changed, and forget others."""
+        known = self._known.kept
+        for place in known.keys() - {f"{self.directory}/{one}" for one in flight_ids}:
+            known.pop(place, None)
+        if known != self._kept:
+            self._kept = dict(known)
+            with suppress(OSError):
+                keep_flights(self._list, self._kept.values())
+
+    def _read_summary(self, place: str) -> FlightSummary:
+        outline = read_outline(place)
+        return FlightSummary(
+            flight_id=os.path.basename(place),
+            start_time_ns=outline.info.start_time_ns,
+            end_time_ns=outline.end_time_ns,
+            pulses=outline.all_pulses,
+            tags=outline.info.tags,
+            source="ground" if outline.of_ground else "drone",
+            vehicle=outline.vehicle,
+        )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Read how loud a vehicle's receiver was at rest in its past flights [dB].
+        """Read the idle noise of a vehicle's receiver in its past flights [dB].
 
-        Flights that do not name their vehicle count for each.
+        Flights without a vehicle number count for each vehicle.
         """
         flights = (
             flight
@@ -261,25 +260,20 @@ class FlightLibrary:
         return usual_noise_db(self._quiet_noise_db(one.flight_id) for one in flights)
 
     def _quiet_noise_db(self, flight_id: str) -> float | None:
-        path = self.directory / flight_id
-        stamp = stamp_of(str(path))
-        read = self._quiet.get(flight_id)
-        if read is None or read[0] != stamp:
-            try:
-                read = self._quiet[flight_id] = (stamp, read_quiet_noise_db(path))
-            except FormatError:  # damaged, or only busy: read again next time
-                return None
-        return read[1]
+        try:
+            return self._quiet.get(f"{self.directory}/{flight_id}")
+        except FormatError:  # damaged, or only busy: read again next time
+            return None
 
     def places(self, flight_id: str) -> Places:
-        """Get where a flight took off, and its marks; raises as `summary`."""
+        """Get the take-off position and the marks of a flight; raises as `summary`."""
         with self._database(flight_id) as database:
             return places_of(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Mark a flight and its copies as never to be removed, or take the mark away."""
+        """Protect a flight and its copies from removal, or end the protection."""
         self.path(flight_id)
         flown = flown_name(flight_id)
         for flight in self.directory.iterdir():
@@ -299,12 +293,12 @@ class FlightLibrary:
         )
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read the pulses alone, (len(PULSE_COLUMNS), n)."""
+        """Read only the pulses, (len(PULSE_COLUMNS), n)."""
         with self._database(flight_id) as database:
             return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
 
     def poses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read the poses alone, (8, m)."""
+        """Read only the poses, (8, m)."""
         with self._database(flight_id) as database:
             return _columns(database, "poses", _SELECT_POSES, 8)
 
@@ -331,7 +325,7 @@ class FlightLibrary:
         return records
 
     def log(self, flight_id: str) -> list[dict[str, Any]]:
-        """Get status texts and notes of a flight, in order of time."""
+        """Get the status texts and notes of a flight in order of time."""
         with self._database(flight_id) as database:
             rows = database.execute(
                 "SELECT time_ns, severity, text FROM status_texts UNION ALL "
@@ -354,7 +348,7 @@ class FlightLibrary:
 
 
 def pulse_cells(item: PulsePose) -> tuple[float, ...]:
-    """One pulse in the order of `PULSE_COLUMNS`."""
+    """One pulse as numbers in the order of `PULSE_COLUMNS`."""
     pose = dict(zip(_OF_POSE, pose_row(item.pose), strict=True))
     cells = []
     for name in PULSE_COLUMNS:
@@ -380,30 +374,23 @@ def _columns(
 
 
 def _mark(star: Path, starred: bool) -> None:
-    try:
+    with os_errors_as(
+        RecordingError,
+        f"cannot change {star}",
+        remedy="Check who owns the flight's directory, and what is in it",
+    ):
         if starred:
             star.touch()
         else:
             star.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot change {star}: {error.strerror}",
-            remedy="Check who owns the flight's directory, and what is in it",
-        ) from error
 
 
 def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
-    """Whether a flight may be of this vehicle."""
+    """True if a flight may belong to this vehicle."""
     number = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
     return None in (number, system_id) or number == str(system_id)
 
 
-def _starred(flight: FlightSummary, path: str) -> FlightSummary:
-    """A flight with its star as it is now."""
-    starred = os.path.exists(f"{path}/starred")
-    return flight if flight.starred == starred else replace(flight, starred=starred)
-
-
 def known(value: float) -> float | None:
-    """None for a number that is not finite, as JSON has it."""
+    """A finite number; None otherwise, for JSON."""
     return float(value) if math.isfinite(value) else None

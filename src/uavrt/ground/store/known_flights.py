@@ -1,8 +1,9 @@
-"""What is known of each flight on this computer, kept over a restart.
+"""Cache of flight summaries, kept over a restart.
 
-To read thousands of databases takes seconds; this file can be thrown away at any time.
+Reading thousands of databases takes seconds; this file can be deleted at any time.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,26 +28,26 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` when this ground station recorded it, ``"drone"`` when it was copied."""
+    """``"ground"`` if this ground station recorded it, ``"drone"`` if it was copied."""
     starred: bool = False
-    """It is never removed from the computer that it is on."""
+    """True if it is never removed automatically from its computer."""
     vehicle: str | None = None
-    """Number and name of its vehicle, where the ground station wrote them."""
+    """Number and name of its vehicle, if the ground station recorded them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightChoice:
-    """Which flights are wanted."""
+    """Criteria by which flights are listed."""
 
     tag_id: int | None = None
-    """Those that listened for this tag."""
+    """Flights that searched for this tag."""
     since_ns: int | None = None
-    """Those that ended at or after this time [ns since 1970]."""
+    """Flights that ended at or after this time [ns since 1970]."""
     before_ns: int | None = None
-    """Those that began before this time [ns since 1970]."""
+    """Flights that began before this time [ns since 1970]."""
 
     def holds(self, flight: FlightSummary) -> bool:
-        """Return whether a flight is one of them."""
+        """True if a flight meets all criteria."""
         return (
             (self.since_ns is None or flight.end_time_ns >= self.since_ns)
             and (self.before_ns is None or flight.start_time_ns < self.before_ns)
@@ -59,37 +60,17 @@ class _Kept(msgspec.Struct, frozen=True):
     flights: list[tuple[Stamp, FlightSummary]]
 
 
-class KnownFlights:
-    """Summaries with the state of the files that they are of."""
+def kept_flights(path: Path) -> dict[str, tuple[Stamp, FlightSummary]]:
+    """Read what an earlier run knew of the flights beside a file, by directory."""
+    try:
+        kept = read_record(path, _Kept)
+    except (OSError, FormatError):
+        return {}
+    flights = kept.flights if kept.version == _VERSION else []
+    return {f"{path.parent}/{one[1].flight_id}": one for one in flights}
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._flights: dict[str, tuple[Stamp, FlightSummary]] = {}
-        self._changed = False
-        try:
-            kept = read_record(path, _Kept)
-        except (OSError, FormatError):
-            return
-        if kept.version == _VERSION:
-            self._flights = {one[1].flight_id: one for one in kept.flights}
 
-    def get(self, flight_id: str, stamp: Stamp) -> FlightSummary | None:
-        """Get what is known of a flight; None unless it is of its files as they are."""
-        found = self._flights.get(flight_id)
-        return found[1] if found is not None and found[0] == stamp else None
-
-    def put(self, summary: FlightSummary, stamp: Stamp) -> None:
-        """Know a flight."""
-        self._flights[summary.flight_id] = (stamp, summary)
-        self._changed = True
-
-    def write(self, flight_ids: set[str]) -> None:
-        """Keep what is known of these flights, if it has changed, and forget others."""
-        gone = self._flights.keys() - flight_ids
-        if not self._changed and not gone:
-            return
-        for flight_id in gone:
-            self._flights.pop(flight_id, None)
-        self._changed = False
-        content = msgspec.json.encode(_Kept(_VERSION, list(self._flights.values())))
-        write_atomically(self._path, content, sync=False)
+def keep_flights(path: Path, flights: Iterable[tuple[Stamp, FlightSummary]]) -> None:
+    """Keep what is known of flights over a restart; raises `OSError`."""
+    content = msgspec.json.encode(_Kept(_VERSION, list(flights)))
+    write_atomically(path, content, sync=False)

@@ -11,31 +11,31 @@ from uavrt.messages import BurstInside, Pose, PulsePose
 from uavrt.on_ground import GroundStates
 
 POSE_STEP_NS = 190_000_000
-"""Poses are kept five times a second at most: 36 000 in two hours."""
+"""Shortest interval between kept poses [ns]: 36 000 poses in two hours."""
 PULSE_WIDTH = len(PULSE_COLUMNS)
 POSE_WIDTH = 8
 
 
 class LiveColumns:
-    """What is known of one flight."""
+    """Columns of one flight."""
 
     def __init__(self) -> None:
         self.keys: set[tuple[int, int]] = set()
-        """Of its pulses: tag and start time [ns]."""
+        """Tag id and start time [ns] of each pulse."""
         self._pulses = array("d")
         self._poses = array("d")
         self._states = GroundStates()
         self._last_pose_ns = 0
         self._takeoff: tuple[float, float] = math.inf, math.nan
-        """Time of the first pose [ns], and the height above sea level that it counts from."""
+        """Time of the first pose [ns], and the height above sea level of its reference."""
 
     def resume(self, keys: Iterable[tuple[int, int]], states: GroundStates) -> None:
-        """Continue with the pulses and states that a database has."""
+        """Continue with the pulses and states of a database."""
         self.keys.update(keys)
         self._states = states
 
     def load(self, columns: Columns) -> None:
-        """Take the pulses and poses of a resumed flight in."""
+        """Load the pulses and poses of a resumed flight."""
         self._pulses = array("d", columns.pulses.T.ravel().tolist())
         self._poses = array("d", columns.poses.T.ravel().tolist())
         first_ns = min(columns.poses[0].tolist(), default=math.inf)
@@ -47,7 +47,7 @@ class LiveColumns:
         self._pulses.extend(pulse_cells(item))
 
     def doubt(self, burst: BurstInside) -> None:
-        """Let the estimates know whose else a burst may be."""
+        """Mark a burst as possibly from another sender in the estimates."""
         cells = np.frombuffer(self._pulses, np.float64).reshape(-1, PULSE_WIDTH)
         named = {name: cells[:, place] for place, name in enumerate(PULSE_COLUMNS)}
         same = named["start_time_ns"] == float(burst.start_time_ns)
@@ -55,7 +55,7 @@ class LiveColumns:
         named["also_possible_tag_id"][same] = burst.also_possible_tag_ids[0]
 
     def add_pose(self, pose: Pose) -> bool:
-        """Add a pose; False for one that comes too soon after the last."""
+        """Add a pose; False for one that follows the last too soon."""
         if 0 <= pose.time_ns - self._last_pose_ns < POSE_STEP_NS:
             return False
         self._last_pose_ns = pose.time_ns
@@ -73,7 +73,7 @@ class LiveColumns:
         return True
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> bool:
-        """Add what the autopilot reports of arming and landing; False if nothing changed."""
+        """Add whether the vehicle is armed and landed; False if nothing changed."""
         return self._states.add(time_ns, armed, landed)
 
     def columns(self, *, goes_on: bool) -> Columns:

@@ -15,7 +15,7 @@ from uavrt.commands import Generation
 from uavrt.config.parameters import check_start
 from uavrt.config.tag_corrections import TagCorrection, standing_corrections
 from uavrt.config.tag_files import write_tags
-from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
+from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError, os_errors_as
 from uavrt.foreign import OWN, decode_record, read_file, read_record
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.store.tag_table import read_table
@@ -30,32 +30,32 @@ from uavrt.terrain.elevation_files import open_elevation
 from uavrt.units import number_in
 
 MOST_JOBS = 256
-"""Jobs that may wait for a disk that does not answer: some for each of 16 vehicles."""
+"""Most writes that wait for a disk that does not answer: some for each of 16 vehicles."""
 MOST_NAME = 40
-"""Letters of a vehicle's name: it stands in the header of the page."""
+"""Most letters of a vehicle's name, which the page's header shows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundSettings:
-    """Set-up of the ground station, as the page shows it."""
+    """The ground station's settings, as the page shows them."""
 
     address: str = "udpin://127.0.0.1:14550"
-    """One or several, the one to prefer first, with spaces between."""
+    """One or several addresses separated by spaces, the preferred one first."""
     generation: Generation = "G1"
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
     heading_error_deg: float = HEADING_SIGMA_DEG
-    """That all headings of a flight share: compass, mounting, declination; one standard
-    deviation. 0 trusts the headings."""
+    """Error shared by all headings of a flight (compass, mounting, declination), one standard
+    deviation [deg]; 0: none."""
     height_error_m: float = HEIGHT_SIGMA_M
-    """With a monopole: that all heights over a tag share; one standard deviation."""
+    """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
     gain: int | None = None
-    """None leaves the gain to the drone's own settings."""
+    """Gain; None: from the drone's own settings."""
     center_frequency_mhz: float | None = None
-    """None lets the drone's tuner choose."""
+    """Centre frequency; None: the drone's tuner chooses."""
     roaming_m: float = 10.0
-    """How far an animal goes in a minute (one axis, one standard deviation), in steps that
-    forget each other: positions grow by it with their age. 0 for one that rests."""
+    """Distance that an animal moves in a minute (one axis, one standard deviation), as a random
+    walk: positions become less certain with age. 0 for one at rest."""
     my_place: str = ""
     """Address of this computer's GPS receiver (NMEA); empty: none."""
     vehicle_name: str = ""
@@ -65,11 +65,11 @@ class GroundSettings:
     archive: str = ""
     """Directory that `uavrt batch` wrote; empty: `archive` among the flights, if there."""
     left_out: tuple[int, ...] = ()
-    """Numbers of tags in the table that are not flown with."""
+    """Ids of listed tags that are excluded from the next flight."""
 
     @property
     def antenna_choice(self) -> AntennaChoice:
-        """For the estimators."""
+        """Antenna settings for the estimators."""
         return AntennaChoice(
             pattern=self.antenna,
             offset_deg=self.antenna_offset_deg,
@@ -89,16 +89,15 @@ class GroundSettings:
 
 
 _NEWEST_BYTES = 1_000_000
-"""Of the corrections, those that are read: some 2000."""
+"""Bytes read from the end of the corrections file: some 2000 entries."""
 
 
 class GroundStore:
     """The directory's small files: settings, tags, the current flight.
 
-    `directory`: made when it is not there. Flights, maps and reports of all vehicles are in it.
-    `system_id`: of a vehicle that is served besides the first: its small files are in
-    ``vehicles/NUMBER``.
-    `first`: the station's, whose disk thread writes these files, too.
+    `directory`: created if missing; holds flights, maps and reports of all vehicles.
+    `system_id`: number of a further vehicle, whose small files are in ``vehicles/NUMBER``.
+    `first`: the main vehicle's store, whose disk thread writes these files, too.
     Raises `ConfigError`: it cannot be written.
     """
 
@@ -108,22 +107,21 @@ class GroundStore:
         self.disk: DiskThread = (
             DiskThread(MOST_JOBS, early=True) if first is None else first.disk
         )
-        """Writes all of the station's files."""
+        """Thread that writes all files of the station."""
         self.flights_begun: set[Path] = set() if first is None else first.flights_begun
-        """Flights of all vehicles; the disk may not have them yet."""
+        """Flights of all vehicles that may not be on the disk yet."""
         self._soon = DiskBatches(self.disk, self._write_last, self._wrote)
         self.directory: Path = directory
         self.system_id: int | None = system_id
         self.own = directory if system_id is None else directory / "vehicles" / str(system_id)
-        """Where the small files are, and what is known of received pulses."""
-        try:
+        """Directory of the small files and of the record of received pulses."""
+        with os_errors_as(
+            ConfigError,
+            f"cannot store flights in {directory}",
+            remedy="Give a writable directory with -o",
+        ):
             self.own.mkdir(parents=True, exist_ok=True)
             (directory / "maps").mkdir(exist_ok=True)
-        except OSError as error:
-            raise ConfigError(
-                f"cannot store flights in {directory}: {error.strerror}",
-                remedy="Give a writable directory with -o",
-            ) from error
         self._behind = False
         kept = self._read()
         current = kept.get("current_flight")
@@ -132,12 +130,12 @@ class GroundStore:
         self.vehicle: tuple[int | None, str | None] = (
             _vehicle(kept) if self.current_flight else (None, None)
         )
-        """System number and unique number of the vehicle that is served."""
+        """System number and unique number of the served vehicle."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
-        """System numbers of those that are served besides the first."""
+        """System numbers of the further vehicles."""
         page = kept.get("commander") if self.current_flight else None
         self.commander: str | None = page if isinstance(page, str) else None
-        """The page that commands."""
+        """The commanding page."""
         self.settings = GroundSettings()
         settings = kept.get("settings")
         for name, value in settings.items() if isinstance(settings, dict) else ():
@@ -145,10 +143,10 @@ class GroundStore:
                 self.settings = self.settings.changed({name: value})
         self.tags: tuple[Tag, ...] = read_table(self._tags_path)
         self.corrections: list[TagCorrection] = self._read_corrections()
-        """What of listed tags was corrected, with the old values; the newest last."""
+        """Corrections of listed tags with the old values, the newest last."""
 
     def of_vehicle(self, system_id: int) -> "GroundStore":
-        """Get the store of a further vehicle; at first with these settings and tags."""
+        """Get the store of a further vehicle, which starts with these settings and tags."""
         known = (self.directory / "vehicles" / str(system_id)).exists()
         store = GroundStore(self.directory, system_id, self)
         if not known:
@@ -158,7 +156,7 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """What `uavrt batch` wrote: where it is set, else among the flights; None: nothing."""
+        """Directory written by `uavrt batch`: as set, else among the flights; None: none."""
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"
@@ -166,7 +164,7 @@ class GroundStore:
 
     @property
     def chosen_tags(self) -> tuple[Tag, ...]:
-        """The tags that are flown with."""
+        """The tags that the next flight searches for."""
         return tuple(tag for tag in self.tags if tag.tag_id not in self.settings.left_out)
 
     @property
@@ -183,7 +181,7 @@ class GroundStore:
         return self.own / "ground_log.jsonl"
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
-        """Keep the tag list."""
+        """Store the tag list."""
         if tags:
             write_tags(self._tags_path, tags)
         else:
@@ -191,9 +189,9 @@ class GroundStore:
         self.tags = tags
 
     def correct_tag(self, correction: TagCorrection) -> None:
-        """Correct what was measured of a tag in the list, and keep the old values, too.
+        """Correct a listed tag by a measurement; keep the old values.
 
-        Raises `ConfigError`, `OSError`: one of both cannot be written, or the tag is gone.
+        Raises `ConfigError`, `OSError`: one of the files cannot be written, or the tag is gone.
         """
         tags = {tag.tag_id: tag for tag in self.tags}
         before = tags.get(correction.tag_id)
@@ -209,7 +207,7 @@ class GroundStore:
 
     @property
     def corrections_listed(self) -> list[TagCorrection]:
-        """The newest correction of each tag that is listed with its values."""
+        """The newest correction of each tag whose listed values are the corrected ones."""
         last = {one.tag_id: one for one in standing_corrections(self.corrections)}
         return [
             last[tag.tag_id]
@@ -218,7 +216,7 @@ class GroundStore:
         ]
 
     def _read_corrections(self) -> list[TagCorrection]:
-        """Read the corrections; a damaged line is left out."""
+        """Read the corrections; damaged lines are left out."""
         found = []
         with contextlib.suppress(OSError, FormatError):
             newest = read_file(self._corrections_path, OWN)[-_NEWEST_BYTES:]
@@ -228,27 +226,26 @@ class GroundStore:
         return found
 
     def set_settings(self, settings: GroundSettings) -> None:
-        """Keep the settings."""
+        """Store the settings."""
         self.settings = settings
         self._write()
 
     def set_flight(self, flight_id: str | None) -> None:
-        """Keep which flight goes on, for a restart."""
+        """Store which flight is in progress, for a restart."""
         self.current_flight = flight_id
         self._write_soon()
 
     def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
-        """Keep which vehicle is served and which page commands, for a restart in flight.
+        """Store the served vehicle and the commanding page, for a restart in flight.
 
-        It is called again and again: what a full disk did not take is written when there is
-        room.
+        Called repeatedly, so that what a full disk refuses is written once there is room.
         """
         if self._behind or (self.vehicle, self.commander) != ((system_id, uid), page):
             self.vehicle, self.commander = (system_id, uid), page
             self._write_soon()
 
     def set_further_vehicles(self, numbers: tuple[int, ...]) -> None:
-        """Keep which vehicles are served besides the first."""
+        """Store the numbers of the further vehicles."""
         self.further_vehicles = numbers
         self._write_soon()
 
@@ -259,7 +256,7 @@ class GroundStore:
             return {}
 
     def _write_soon(self) -> None:
-        """Write what no operator waits for; a disk that does not take it is tried again."""
+        """Write files that no operator waits for; retry if the disk refuses."""
         self._behind = True
         self._soon.waiting = [self._text()]
         self._soon.write()
@@ -291,17 +288,16 @@ class GroundStore:
 
     def _write_text(self, text: str) -> None:
         path = self.own / "ground.json"
-        try:
+        with os_errors_as(
+            ConfigError,
+            f"cannot write {path}",
+            remedy="Free space on the disk, or give a writable directory with -o",
+        ):
             write_atomically(path, text)
-        except OSError as error:
-            raise ConfigError(
-                f"cannot write {path}: {error.strerror}",
-                remedy="Free space on the disk, or give a writable directory with -o",
-            ) from error
 
 
 def _numbers(kept: object) -> tuple[int, ...]:
-    """Read a list of vehicles' numbers; what is none is left out."""
+    """Read a list of vehicle numbers; invalid ones are left out."""
     if not isinstance(kept, list):
         return ()
     return tuple(one for one in kept if type(one) is int and 1 <= one <= 255)
@@ -323,7 +319,7 @@ _RANGES = {
 
 
 def _judged(name: str, value: Any) -> Any:
-    """Judge one setting."""
+    """Check one setting."""
     match name:
         case "address":
             addresses = [str(parse_address(text)) for text in str(value).split()]
@@ -357,18 +353,18 @@ def _judged(name: str, value: Any) -> Any:
 
 
 def _receiver(text: str) -> str:
-    """Judge the address of a GPS receiver; empty for none."""
+    """Check the address of a GPS receiver; empty for none."""
     try:
         return str(parse_address(text, baud=BAUD)) if text else ""
     except ConfigError as error:
         raise UsageError(
-            f"{text[:60]!r} is no address of a GPS receiver",
+            f"{text[:60]!r} is not the address of a GPS receiver",
             remedy="Write serial:///dev/ttyACM0, udpin://127.0.0.1:10110 or tcp://HOST:PORT",
         ) from error
 
 
 def _readable(text: str, read: Callable[[Path], object]) -> str:
-    """Judge a path by reading what is there; empty for none."""
+    """Check a path by reading it; empty for none."""
     try:
         if text:
             read(Path(text))

@@ -1,4 +1,4 @@
-"""What the ground has stored: flights of its own, and pulses as lines for scripts."""
+"""Read stored flights of the ground, and write pulses as lines for scripts."""
 
 import json
 from contextlib import suppress
@@ -13,9 +13,9 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """``pulses.jsonl``: a line for each pulse and for what is inside a burst, written at once.
+    """``pulses.jsonl``: a line for each pulse and burst content, written at once.
 
-    It is continued, without half a line that a kill has left. Raises `RecordingError`.
+    An existing file is continued; an incomplete last line is removed. Raises `RecordingError`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -31,7 +31,7 @@ class PulseLines:
             self._keys.update(item.pulse.key for item in read_pulse_file(path))
 
     def write(self, event: PulsePose | BurstInside) -> bool:
-        """Write a line; False for a pulse that is here. Raises as the constructor."""
+        """Write a line; False for a known pulse. Raises as the constructor."""
         if isinstance(event, BurstInside):
             self._append(inside_record(event))
         elif event.pulse.key in self._keys:
@@ -63,7 +63,7 @@ class PulseLines:
 
 
 def read_ground_pulses(directory: Path, since_ns: int = 0) -> list[Pulse]:
-    """Read the pulses that a ground station has stored, with a page or without one.
+    """Read the pulses that a ground station has stored, with or without a page.
 
     `since_ns`: flights that began earlier are left out [ns, UTC].
     """

@@ -1,9 +1,8 @@
-"""Tables of tags as CSV: ours, and TagTracker's two databases, with a heading or without.
+"""Tables of tags as CSV: ours, and TagTracker's two databases, with or without a header line.
 
 TagTracker writes ``TagInfo.db`` (selected, id, name, manufacturer, MHz) and
-``TagManufacturer.db`` (id, name, two intervals, what each means, pulse width, uncertainty,
-jitter) as CSV without a line of names; spreadsheets put semicolons
-or tabs between the cells.
+``TagManufacturer.db`` (id, name, two intervals, the meaning of each, pulse width, uncertainty,
+jitter) as CSV without a header line; spreadsheets use semicolons or tabs as separators.
 """
 
 import csv
@@ -18,12 +17,12 @@ MAKER_NAMES = (
     *("pulse_width", "uncertainty", "jitter"),
 )
 _HEADINGS = ("manufacturerid", "ip_msecs_1", "frequency_mhz")
-"""A line with one of these names the columns."""
+"""Column names, one of which identifies a header line."""
 _SELECTED = {"0": False, "1": True, "false": False, "true": True}
 
 
 def read_csv(text: str) -> list[dict[str, str]]:
-    """Rows by the names of their columns, in small letters; none for another kind of file."""
+    """Read rows by column name in lower case; none for another kind of file."""
     lines = [line for line in text.removeprefix("\ufeff").splitlines() if line.strip()]
     lines = [line for line in lines if not line.lstrip().startswith(("#", "["))]
     if not lines:
@@ -49,12 +48,12 @@ def read_csv(text: str) -> list[dict[str, str]]:
 
 
 def is_selected(cell: str) -> bool:
-    """Whether a tag's cell in the column ``selected`` says that it is searched for."""
+    """True if the cell in column ``selected`` means that the tag is searched for."""
     return _SELECTED.get(cell.strip().lower(), True)
 
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
-    """Join a name that contains separators: the cells around it have a known number."""
+    """Rejoin a name that contains separators: the number of cells around it is known."""
     last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
     cells = cells[:last]
     end = last - after
@@ -83,7 +82,7 @@ def _is_maker(cells: Sequence[str]) -> bool:
 
 
 def number_in_cell(written: object) -> float | None:
-    """Read a number as typed, with a point or a comma."""
+    """Read a number with decimal point or comma."""
     try:
         number = (
             math.nan if isinstance(written, bool) else float(str(written).replace(",", "."))

@@ -1,4 +1,4 @@
-"""The tag table of the page: rows as typed, each mistake at its field; import and export."""
+"""The tag table of the page: rows as typed, faults per field; import and export."""
 
 import hashlib
 import io
@@ -30,12 +30,12 @@ FIELDS: dict[str, Quantity] = {
     "k": "k",
     "false_alarm_percent": "false_alarm_probability",
 }
-"""Columns of the table in the units that users say, and what they mean."""
+"""Columns of the table in the users' units, and their descriptions."""
 CODE_FIELDS = ("kind", "gaps_ms")
-"""Of a coded tag besides, whose interval is that of bursts; rows of others lack them."""
+"""Further columns of coded tags, whose interval is that of bursts; other rows lack them."""
 KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
-"""Below this a number without its sign is a probability that was typed for a percentage."""
+"""Percentages below this without a percent sign are taken for a mistyped probability."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 REQUIRED_OF_CODES = ("id", "frequency_mhz", "interval_ms")
 MAX_ROWS = 500
@@ -69,19 +69,16 @@ PRESETS: tuple[dict[str, Any], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldFault:
-    """One mistake: where in the table, and what to do."""
+    """One mistake: its row and field, and the remedy."""
 
     row: int
-    """From 0."""
+    """Row, from 0."""
     field: str
     text: str
 
 
 def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
-    """Check typed rows.
-
-    Returns: the tags; none of them when there is any fault.
-    """
+    """Check typed rows; return the tags, or none if there is any fault."""
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
@@ -96,7 +93,7 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
 
 
 def warnings_of(tags: Sequence[Tag]) -> list[str]:
-    """Name what is no fault of a table, but may surprise in flight: codes that are near."""
+    """List valid but surprising entries: codes that are similar."""
     return words_of_near_codes(tags, DetectionSettings().frequency_window_hz)
 
 
@@ -127,10 +124,10 @@ def _code_cells(tag: Tag) -> Row:
 
 
 def import_rows(files: Mapping[str, str]) -> list[Row]:
-    """Read rows from files: ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
+    """Import rows from ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
 
-    `files`: text of each file by its name. TagTracker keeps tags and makers in two files, which
-    go together.
+    `files`: text of each file by name. TagTracker keeps tags and makers in two files, which are
+    imported together.
     """
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
@@ -157,9 +154,9 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
 
 
 def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
-    """Numbers of tags that TagTracker's ``TagInfo.db`` has, but does not search for.
+    """Ids of tags that TagTracker's ``TagInfo.db`` lists but does not search for.
 
-    None where no file has a column that says so.
+    None without a file that has such a column.
     """
     table = [cells for text in files.values() for cells in read_csv(text)]
     found = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
@@ -170,7 +167,7 @@ def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
 
 
 def _own_row(cells: Mapping[str, str]) -> Row:
-    """One line of a table as `export_text` writes it."""
+    """Read one line of a table in the form that `export_text` writes."""
     row = {key: cells.get(key, "") for key in (*FIELDS, "name")}
     return row | {key: cells[key] for key in CODE_FIELDS if cells.get(key)}
 
@@ -190,7 +187,7 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
 
 
 def read_table(path: Path) -> tuple[Tag, ...]:
-    """Read the stored table; a damaged one is none, its file is left for a person to mend."""
+    """Read the stored table; a damaged one gives no tags, and its file stays for repair."""
     try:
         return parse_tags(read_file(path, TAGS), name=path.name)
     except (OSError, TagFileError):
@@ -243,7 +240,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
 def _gaps(
     row: Mapping[str, Any], line: int, fault: Callable[[str, str], None]
 ) -> tuple[Entry, ...] | None:
-    """Read the gaps of a coded tag; None for one that beeps."""
+    """Read the gaps of a coded tag; None for a beeping one."""
     kind = str(row.get("kind") or "").strip().lower()
     written = str(row.get("gaps_ms") or "").strip().strip("[]")
     if kind and kind not in KINDS:
@@ -265,7 +262,7 @@ def _gaps(
 
 
 def table_version(tags: Sequence[Tag]) -> str:
-    """Name the content of a table: two that say the same have the same name."""
+    """Version of a table; tables with the same content have the same one."""
     text = json.dumps(rows_from_tags(tags), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -284,7 +281,7 @@ def _at_field(fault: Fault) -> FieldFault:
 def _tracker_row(
     name: str, cells: Mapping[str, str], makers: Mapping[str, Mapping[str, str]]
 ) -> Row:
-    """One tag of TagTracker's ``TagInfo.db``."""
+    """Read one tag of TagTracker's ``TagInfo.db``."""
     maker = makers.get(_key(cells["manufacturerid"]))
     if maker is None:
         raise UsageError(
@@ -313,7 +310,7 @@ def _percent(number: float) -> float | int | str:
 
 
 def _key(number: str) -> str:
-    """A manufacturer's number however it is written."""
+    """A manufacturer's number in one spelling."""
     return number.removesuffix(".0").strip()
 
 

@@ -33,15 +33,15 @@ from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
-"""What a page may ask that only looks on: to stop can be urgent, a mark harms nothing."""
+"""Commands that a watching page may send: a stop can be urgent, a mark is harmless."""
 
 
 class Api:
-    """State, set-up and commands of one vehicle.
+    """State, settings and commands of one vehicle.
 
-    `drone_settings`: ``uavrt.toml`` of the drone side, where the page runs on the drone's own
+    `drone_settings`: ``uavrt.toml`` of the drone side, if the page runs on the drone's own
     computer.
-    `worker`: reads what others made.
+    `worker`: parses files of others.
     """
 
     def __init__(
@@ -74,11 +74,11 @@ class Api:
         ]
 
     async def state(self, request: Request) -> Any:
-        """Everything known about drone, link and flight."""
+        """Complete state of drone, link and flight."""
         return self._session.snapshot()
 
     async def first_flight(self, request: Request) -> Any:
-        """The list before a first flight, each item with its remedy."""
+        """The checklist before a first flight, each item with its remedy."""
         library, keeper = self._session.library, self._vehicle.flight.keeper
         live = None if keeper.ended else keeper.flight_id
         number = self._vehicle.identity.system_id
@@ -89,11 +89,11 @@ class Api:
         return [asdict(finding) for finding in findings]
 
     async def settings(self, request: Request) -> Any:
-        """The set-up."""
+        """Get the settings."""
         return asdict(self._vehicle.store.settings)
 
     async def put_settings(self, request: Request) -> Any:
-        """Change some of the set-up."""
+        """Change some settings."""
         store = self._vehicle.store
         wanted = store.settings.changed(await json_body(request))
         await store.disk.run(store.set_settings, wanted)
@@ -105,12 +105,12 @@ class Api:
         return await asyncio.to_thread(facts_in, self._vehicle.store.directory)
 
     async def put_facts(self, request: Request) -> Any:
-        """Change some facts, for all flights that have no report.toml of their own."""
+        """Change some facts, for all flights without a report.toml of their own."""
         values, folder = await json_body(request), self._vehicle.store.directory
         return await asyncio.to_thread(change_facts, folder, values)
 
     async def choices(self, request: Request) -> Any:
-        """The choices: serial ports, antennas, presets, maps."""
+        """Choices of the form: serial ports, antennas, presets, maps."""
         return {
             "ports": await asyncio.to_thread(serial_ports),
             "antennas": {
@@ -151,7 +151,7 @@ class Api:
         return self._session.snapshot()["drone"]
 
     async def command_from_here(self, request: Request) -> Any:
-        """Give command to the page that asks; the previous one becomes a viewer."""
+        """Give command to the requesting page; the previous one becomes a viewer."""
         page = page_of(request)
         if not page or len(page) > MAX_PAGE_NAME:
             raise UsageError("only a page can take command")
@@ -161,12 +161,12 @@ class Api:
         return {"commander": page}
 
     async def put_map(self, request: Request) -> Any:
-        """Take a map file, as it is in the body."""
+        """Store the map file in the request body."""
         name = request.path_params["name"]
         return await maps.store_map(self._maps, name, request.stream(), self._worker)
 
     async def command(self, request: Request) -> Any:
-        """Ask something of the drone; the answer is its acknowledgement."""
+        """Send a command to the drone; return its acknowledgement."""
         commands = self._session.commands.by_name(await json_body(request))
         name = request.path_params["name"]
         if name not in commands:
@@ -179,11 +179,11 @@ class Api:
             return Answer(409, {"accepted": False, "message": str(error)})
 
     async def parameters(self, request: Request) -> Any:
-        """The drone's parameters, requested from it now over the radio."""
+        """Get the drone's parameters, requested now over the radio."""
         return await self._session.commands.parameters()
 
     async def readout(self, request: Request) -> Any:
-        """A place in every way of writing: ``?latitude_deg=…&longitude_deg=…``."""
+        """A position in every notation: ``?latitude_deg=…&longitude_deg=…``."""
         try:
             latitude = float(request.query_params.get("latitude_deg", ""))
             longitude = float(request.query_params.get("longitude_deg", ""))
@@ -198,12 +198,12 @@ class Api:
         return self._vehicle.feed.log.lines()
 
     async def season(self, request: Request) -> Any:
-        """All flights on this computer in numbers, as `uavrt season` gives them."""
+        """Summary of all flights on this computer, as `uavrt season` makes it."""
         return asdict(await asyncio.to_thread(read_season, self._session.library.directory))
 
 
 def _first_flight(vehicle: ServedVehicle, noise_db: float | None) -> list[Finding]:
-    """Judge whether all is ready for a first flight, with the noise of past ones."""
+    """Check whether all is ready for a first flight, using the noise of past ones."""
     now_ns, watch, drone = vehicle.clock.now_ns(), vehicle.connection.watch, vehicle.drone
     pose = watch.pose if watch else None
     facts = FlightFacts(
@@ -222,7 +222,7 @@ def _first_flight(vehicle: ServedVehicle, noise_db: float | None) -> list[Findin
 
 
 def _card_and_clock(drone_settings: Path) -> list[Finding]:
-    """Look at the card of the drone's flights, which is in this computer, and at its clock."""
+    """Check the drone's memory card, if it is in this computer, and the clock."""
     from uavrt.computer.checks import check_card, check_kept_time
 
     settings = load_settings(drone_settings)

@@ -1,4 +1,4 @@
-"""Columns of a flight as answers to a request: bytes, and their names in a header."""
+"""Return columns of a flight as bytes, with their names in a header."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +18,16 @@ POSE_COLUMNS = (
     "quaternion_z",
 )
 YAW = "yaw_deg"
-"""Made from the quaternion where it is asked for by name."""
+"""Column computed from the quaternion when requested by name."""
 
 
 def chosen_columns(
     cells: NDArray[np.float64], columns: tuple[str, ...], names: str | None
 ) -> Response:
-    """Answer with columns of little-endian float64.
+    """Return columns of little-endian float64.
 
     `columns`: their names; the quaternion's are ``quaternion_w`` and the three after it.
-    `names`: those that are wanted, in the wanted order, between commas; ``yaw_deg`` may be
-    among them. None: all of `columns`.
+    `names`: wanted columns in order, separated by commas, also ``yaw_deg``; None: all.
     """
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}
@@ -50,7 +49,7 @@ def chosen_columns(
 
 
 def thinned(cells: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Take every n-th of (m, n) columns so that `most` are left, and the last one."""
+    """Thin (m, n) columns to `most` entries, including the last one."""
     count = cells.shape[1]
     step = max(1, -(-count // max(1, most)))
     # Backwards, because where the drone is now matters more than where it began.

@@ -1,9 +1,9 @@
-"""Limit open connections to the page: for each client, and for those without a request.
+"""Limit open connections to the page: per client, and those without a request.
 
-The page shares its process with the link to the drone and with the flight's files.
-Connections may take only a part of the descriptors, and each client only some of that. A
-connection on which no whole request came within seconds is closed. Where a client has too many,
-its oldest one that has asked nothing makes room for its newest.
+The page shares its process with the drone's link and the flight's files, so connections may use
+only a part of the file descriptors, and each client only some of that. A connection without a
+complete request is closed within seconds. If a client has too many, its oldest idle one is
+closed for its newest.
 """
 
 import asyncio
@@ -19,13 +19,13 @@ from uavrt.clock import monotonic_s
 
 MOST_CONNECTIONS = 256
 MOST_BY_CLIENT = 64
-"""A browser keeps some ten open for each page."""
+"""Most connections per client; a browser keeps some ten open for each page."""
 SILENT_S = 10.0
-"""A connection on which no whole request has come is closed after this time [s]."""
+"""Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Descriptors for each that connections may take: link and flight have the others."""
+"""Connections may use one in this many file descriptors; link and flight have the others."""
 _AT_ONCE = 16
-"""Connections taken between two turns of the event loop."""
+"""Most connections accepted per turn of the event loop."""
 
 Peer = tuple[str, int]
 
@@ -40,7 +40,7 @@ class _Connection:
 
 
 class _Counted(socket.socket):
-    """A connection's socket, which says when it is closed."""
+    """A connection's socket that reports when it is closed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -55,7 +55,7 @@ class _Counted(socket.socket):
 
 
 class ListeningSocket(socket.socket):
-    """A listening socket that takes no more connections than there is room for."""
+    """A listening socket that limits its connections."""
 
     def __init__(self, family: int) -> None:
         super().__init__(family, socket.SOCK_STREAM)
@@ -63,10 +63,10 @@ class ListeningSocket(socket.socket):
         self._taken = 0
         self.most = MOST_CONNECTIONS
         self.refused = 0
-        """Connections that were closed at once, or made room for others."""
+        """Connections that were closed at once or to make room for others."""
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Take the next connection that may stay; raises `BlockingIOError`."""
+        """Accept the next connection within the limits; raises `BlockingIOError`."""
         self._taken += 1
         try:
             if self._taken > _AT_ONCE:
@@ -86,19 +86,19 @@ class ListeningSocket(socket.socket):
         return taken, address
 
     def asked(self, peer: Peer) -> None:
-        """Record that a whole request has come."""
+        """Record that a complete request has arrived."""
         if (one := self._open.get(peer)) is not None:
             one.has_asked = True
 
     def close_silent(self) -> None:
-        """Close connections on which nothing was asked in time, also half-made TLS ones."""
+        """Close connections without a request in time, including incomplete TLS handshakes."""
         before_s = monotonic_s() - SILENT_S
         for peer, one in list(self._open.items()):
             if not one.has_asked and one.since_s < before_s:
                 self._end(peer, one)
 
     def _make_room(self, host: str) -> bool:
-        """Whether a client may have one more, perhaps in place of one that asked nothing."""
+        """True if a client may open one more, perhaps by closing an idle one."""
         of_client = [item for item in self._open.items() if item[0][0] == host]
         if len(of_client) >= MOST_BY_CLIENT:
             return self._end_oldest(of_client)
@@ -129,13 +129,13 @@ class AskingProtocol(H11Protocol):
     doors: ListeningSocket | None = None
 
     def handle_events(self) -> None:
-        """Handle what came, as uvicorn does."""
+        """Handle received data, as uvicorn does."""
         super().handle_events()
         if self.cycle is not None:
             self._asked()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Pass a WebSocket on, as uvicorn does."""
+        """Handle a WebSocket upgrade, as uvicorn does."""
         self._asked()
         super().handle_websocket_upgrade(event)
 
@@ -151,7 +151,7 @@ def protocol_of(doors: ListeningSocket) -> type[AskingProtocol]:
 
 @contextlib.contextmanager
 def doors_watched(doors: ListeningSocket) -> Iterator[None]:
-    """Close silent connections while this lasts, and reserve descriptors for the others."""
+    """Close silent connections within this context, and reserve descriptors for the rest."""
     doors.most = min(MOST_CONNECTIONS, max(8, _descriptors() // _SHARE_OF_FILES))
     watching = asyncio.get_running_loop().create_task(_watch(doors))
     try:
@@ -167,7 +167,7 @@ async def _watch(doors: ListeningSocket) -> None:
 
 
 def _descriptors() -> int:
-    """Descriptors that this process may have; as many as the system allows from now on."""
+    """Number of descriptors for this process, raised to the system's limit."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,4 +1,4 @@
-"""How another screen comes to the page: addresses and the access point, as QR codes."""
+"""Addresses and access point by which another screen opens the page, as QR codes."""
 
 import socket
 from contextlib import suppress
@@ -11,8 +11,8 @@ from starlette.datastructures import URL
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 WILDCARD = ("0.0.0.0", "::")
 UNROUTED = ("192.0.2.1", 9)
-"""Of the documentation (RFC 5737): no packet goes there, but the system says from which of our
-addresses one would."""
+"""Address for documentation (RFC 5737): no packet is sent, but the system then reports which of
+our addresses it would use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,17 +20,17 @@ class Served:
     """How the page is served."""
 
     host: str
-    """That the server listens on."""
+    """Address that the server listens on."""
     names: frozenset[str]
-    """By which others know this computer."""
+    """Host names of this computer."""
     access_point: str | None
-    """The text of its own Wi-Fi's code."""
+    """Text of its own Wi-Fi's QR code."""
 
 
 def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
-    """Get each way in: what it is, its text, and a picture for a phone's camera.
+    """List how others can open the page: kind, text, and a QR code for a phone's camera.
 
-    None where the page is served to this computer only.
+    None if the page is served to this computer only.
     """
     if served.host in LOOPBACK:
         return []
@@ -52,7 +52,7 @@ def addresses(served: Served, asked: URL) -> list[str]:
 
 
 def own_address() -> list[str]:
-    """Get this computer's address in its network; none without one."""
+    """Get this computer's address in its network; None without one."""
     with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(UNROUTED)
         return [str(sock.getsockname()[0])]

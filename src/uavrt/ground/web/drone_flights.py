@@ -34,15 +34,15 @@ class ExtraApi:
         ]
 
     async def drone_flights(self, request: Request) -> Any:
-        """The flights on the drone, requested from it now over the radio."""
+        """List the flights on the drone, requested now over the radio."""
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:
-        """How far the last download is."""
+        """Get the progress of the last download."""
         return self._session.downloads.record()
 
     async def start_download(self, request: Request) -> Any:
-        """Fetch a flight: ``{"flight_id": …, "everything": false}``."""
+        """Start to fetch a flight: ``{"flight_id": …, "everything": false}``."""
         wanted = await json_body(request)
         if not isinstance(wanted, dict):
             raise UsageError("a download must be an object with a flight_id")
@@ -53,12 +53,12 @@ class ExtraApi:
         return asdict(started)
 
     async def stop_download(self, request: Request) -> Any:
-        """End the download that is under way."""
+        """Stop the download in progress."""
         await self._session.downloads.stop()
         return self._session.downloads.record()
 
     async def recordings(self, request: Request) -> Any:
-        """Recordings of samples of a flight that lie here."""
+        """List the sample recordings of a flight on this computer."""
         flight = self._session.library.path(request.path_params["flight_id"])
         return [path.name for path in await asyncio.to_thread(recordings, flight)]
 
@@ -79,7 +79,7 @@ class ExtraApi:
         return asdict(made)
 
     async def live_waterfall(self, request: Request) -> Any:
-        """Listen to a channel: ``{"address": "udp://127.0.0.1:20000"}``; empty ends it."""
+        """Start a live waterfall: ``{"address": "udp://127.0.0.1:20000"}``; empty ends it."""
         address = (await json_object(request)).get("address", "")
         await self._live.listen(str(address))
         return {"address": self._live.address}

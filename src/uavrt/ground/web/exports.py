@@ -1,4 +1,4 @@
-"""A flight as files for other programs, by the writers of ``uavrt export``."""
+"""Export a flight to files for other programs, by the writers of ``uavrt export``."""
 
 from pathlib import Path
 
@@ -12,6 +12,6 @@ EXPORTS: dict[str, OneFile] = {"csv": OneFile("text/csv", pulses_csv), **ONE_FIL
 
 
 def export(name: str, flight: Path, antenna: AntennaChoice) -> bytes:
-    """Write a flight, with its marks, in one of `EXPORTS`."""
+    """Write a flight with its marks in one of the formats of `EXPORTS`."""
     content = EXPORTS[name].content(read_survey(flight, antenna.read_as))
     return content if isinstance(content, bytes) else content.encode()

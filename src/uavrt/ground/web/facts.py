@@ -1,4 +1,4 @@
-"""Who flew what, as the page shows and changes it: the report.toml of the flights' folder."""
+"""Show and change the facts for reports, stored in report.toml of the flights' folder."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -8,7 +8,7 @@ from uavrt.errors import ConfigError, UsageError
 
 
 def facts_in(folder: Path) -> dict[str, str]:
-    """Each field with its text, empty where it is not set; raises `ConfigError`."""
+    """Get each field's text, empty if not set; raises `ConfigError`."""
     path = folder / NAME
     found = read_facts(path) if path.is_file() else Facts()
     return {name: text or "" for name, text in asdict(found).items()}

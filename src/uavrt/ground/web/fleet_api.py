@@ -1,4 +1,4 @@
-"""Routes by which a page lets further vehicles be served, and commands all at once."""
+"""Routes to serve further vehicles and to command all at once."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -18,7 +18,7 @@ TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
     "start": Commands.start,
     "stop": Commands.stop,
 }
-"""What may be asked of all vehicles at once; nothing that moves one."""
+"""Commands that may be sent to all vehicles at once; none moves a vehicle."""
 
 
 class FleetApi:
@@ -37,11 +37,11 @@ class FleetApi:
         ]
 
     async def vehicles(self, request: Request) -> Any:
-        """All that are served."""
+        """List the served vehicles."""
         return self._fleet.records()
 
     async def serve(self, request: Request) -> Any:
-        """Serve another, too: ``{"system_id": 2}``."""
+        """Serve a further vehicle: ``{"system_id": 2}``."""
         number = (await json_object(request)).get("system_id")
         if not isinstance(number, int) or isinstance(number, bool):
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
@@ -49,14 +49,14 @@ class FleetApi:
         return self._fleet.records()
 
     async def leave(self, request: Request) -> Any:
-        """Serve one no more; what it does goes on."""
+        """Stop serving a vehicle; it continues what it does."""
         await self._fleet.leave(int(request.path_params["number"]))
         return self._fleet.records()
 
     async def command(self, request: Request) -> Any:
-        """Ask the same of all vehicles at once; each answers for itself.
+        """Send the same command to all vehicles; each answers separately.
 
-        What keeps one vehicle from it keeps no other: a page commands those that it may.
+        A refusal by one vehicle does not affect the others: a page commands those that it may.
         """
         name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
@@ -69,7 +69,7 @@ class FleetApi:
 
 
 async def _answer(session: GroundSession, action: str, page: str | None) -> dict[str, Any]:
-    """One vehicle's answer, under the rules of a command to it alone."""
+    """Send a command to one vehicle under its usual rules; return its answer."""
     who = {
         "system_id": session.vehicle.identity.system_id,
         "name": session.vehicle.store.settings.vehicle_name,

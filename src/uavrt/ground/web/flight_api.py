@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 class FlightApi:
-    """Each flight of a library, with the antenna that is set."""
+    """Routes for each flight of a library, evaluated with the configured antenna."""
 
     def __init__(self, store: GroundStore, library: FlightLibrary) -> None:
         self._store, self._library = store, library
@@ -59,14 +59,14 @@ class FlightApi:
         return self._store.settings.antenna_choice
 
     async def _of(self, request: Request, read: Callable[..., T], *more: object) -> T:
-        """Read something of the flight that is asked for, in a thread."""
+        """Read part of the requested flight in a thread."""
         return await asyncio.to_thread(read, request.path_params["flight_id"], *more)
 
     async def _path(self, request: Request) -> Path:
         return await self._of(request, self._library.path)
 
     async def flight(self, request: Request) -> Any:
-        """One flight: its summary, tags and log."""
+        """Get a flight's summary, tags and log."""
         summary = await self._of(request, self._library.summary)
         log = await self._of(request, self._library.log)
         places = await self._of(request, self._library.places)
@@ -80,7 +80,7 @@ class FlightApi:
         }
 
     async def star(self, request: Request) -> Any:
-        """Keep a flight from being removed, or no longer: ``{"starred": true}``."""
+        """Protect a flight from removal, or end that: ``{"starred": true}``."""
         starred = (await json_object(request)).get("starred")
         if not isinstance(starred, bool):
             raise FormatError("starred must be true or false")
@@ -88,15 +88,15 @@ class FlightApi:
         return {"flight_id": request.path_params["flight_id"], "starred": starred}
 
     async def pulses(self, request: Request) -> Any:
-        """Some pulses as records: ``?after=0&limit=1000``."""
+        """Get some pulses as records: ``?after=0&limit=1000``."""
         after = whole_number(request, "after", 0, 2**31)
         limit = whole_number(request, "limit", 1000, 10_000)
         return await self._of(request, self._library.records, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """All pulses in columns of little-endian float64; their names in a header.
+        """Get all pulses in columns of little-endian float64, with their names in a header.
 
-        ``?names=tag_id,yaw_deg`` gives these alone.
+        ``?names=tag_id,yaw_deg`` selects columns.
         """
         names = request.query_params.get("names")
         return await self._of(
@@ -107,7 +107,7 @@ class FlightApi:
         )
 
     async def track(self, request: Request) -> Any:
-        """The vehicle's poses in columns; ``?most=20000``: not more, evenly taken."""
+        """Get the vehicle's poses in columns; ``?most=20000`` thins them evenly."""
         names = request.query_params.get("names")
         most = whole_number(request, "most", 10**9, 10**9)
         return await self._of(
@@ -118,7 +118,7 @@ class FlightApi:
         )
 
     async def estimates(self, request: Request) -> Any:
-        """Bearings and positions of a flight, with the antenna that is set."""
+        """Get bearings and positions of a flight, computed with the configured antenna."""
         antenna = self._antenna
         summary = await self._of(request, self._library.summary)
         key = (summary.flight_id, summary.pulses, antenna)
@@ -133,32 +133,32 @@ class FlightApi:
         return self._estimates[key].record()
 
     async def integrated(self, request: Request) -> Any:
-        """What ``uavrt integrate`` has found in a flight's samples."""
+        """Get the results of ``uavrt integrate`` for a flight."""
         return await asyncio.to_thread(integrated_record, await self._path(request))
 
     async def integrate(self, request: Request) -> Any:
-        """Look below the noise of a whole flight, or report how far that is."""
+        """Search below the noise over a whole flight, or report the progress."""
         path = await self._path(request)
         return await self._integration.answer(path, self._store.settings.dem)
 
     async def folds(self, request: Request) -> Any:
-        """Pictures of a flight folded at its tags' intervals."""
+        """Get pictures of a flight folded at its tags' intervals."""
         return await asyncio.to_thread(fold_pictures, await self._path(request))
 
     async def silence(self, request: Request) -> Any:
-        """The map of where a tag would have been heard, or how far it is."""
+        """Get the map of where a tag would have been detected, or its progress."""
         path, wanted = await self._path(request), await json_body(request)
         asked = Silence.asked(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.answer, asked, again=asks_again(wanted))
 
     async def absence(self, request: Request) -> Any:
-        """How probable it is that a tag that was not heard is not in an outline."""
+        """Get the probability that an undetected tag is outside an outline."""
         path, wanted = await self._path(request), await json_body(request)
         asked = Silence.asked(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.absence, asked, wanted)
 
     async def export(self, request: Request) -> Any:
-        """A flight as a file for other programs."""
+        """Get a flight as a file for other programs."""
         name = request.path_params["name"]
         if name not in EXPORTS:
             return Answer(404, {"error": f"there is no export {name[:40]!r}"})
@@ -168,7 +168,7 @@ class FlightApi:
         return download(content, f"{flight_id}.{name}", EXPORTS[name].media_type)
 
     async def report(self, request: Request) -> Any:
-        """The report of a flight, for people."""
+        """Get the report of a flight as HTML."""
         content = await self._reporter.report(await self._path(request), self._antenna)
         headers = {"Content-Security-Policy": POLICY}
         return Response(content, media_type="text/html", headers=headers)

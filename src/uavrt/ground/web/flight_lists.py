@@ -17,14 +17,14 @@ from uavrt.ground.web.routing import Row, whole_number
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOST = 500
-"""Flights of an archive in one answer."""
+"""Most flights of an archive in one answer."""
 FIRST_YEAR, LAST_YEAR = 1970, 2200
-"""Nanoseconds since 1970 end in 2262."""
+"""Range of years; nanoseconds since 1970 end in 2262."""
 _ALL = 10**9
 
 
 class FlightListApi:
-    """Flights by tag and day, some at a time.
+    """Lists flights by tag and day, in pages.
 
     `worker`: reads the archive, which may be damaged or come from others.
     """
@@ -45,14 +45,14 @@ class FlightListApi:
         return await asyncio.to_thread(self._session.library.summaries)
 
     async def found(self, request: Request) -> Any:
-        """Some of them: ``?tag=4&from=2026-05-01&to=2026-05-02&after=0&limit=50``."""
+        """List some flights: ``?tag=4&from=2026-05-01&to=2026-05-02&after=0&limit=50``."""
         choice, (after, limit) = _choice(request), _page(request, _ALL)
         library = self._session.library
         total, flights = await asyncio.to_thread(library.find, choice, after, limit)
         return {"total": total, "flights": flights}
 
     async def archived(self, request: Request) -> Any:
-        """The same of the archive; ``directory`` is null where there is none."""
+        """List some flights of the archive; ``directory`` is null without an archive."""
         choice, (after, limit) = _choice(request), _page(request, MOST)
         archive = self._session.vehicle.store.archive
         if archive is None:
@@ -67,7 +67,7 @@ class FlightListApi:
 
 
 def _choice(request: Request) -> FlightChoice:
-    """Read what is wanted; days are of UTC, and both count."""
+    """Read the criteria; days are UTC, both included."""
     wanted = request.query_params
     first, last = (_day(wanted.get(name, ""), name) for name in ("from", "to"))
     return FlightChoice(

@@ -1,9 +1,9 @@
-"""Read what others made outside of the event loop, which also serves the link to the drone.
+"""Parse files of others outside the event loop, which also serves the link to the drone.
 
-One process reads files and long requests, one after the other, at a lower priority. Beyond the
-CPU and memory that `uavrt.foreign` allows for each, the kernel ends it, the request is
-refused with one sentence, and the next one gets a new process. Questions and answers are frames
-on its pipes: eight bytes of length, then a pickle.
+One process reads files and long requests, one after the other, at a lower priority. If it
+exceeds the CPU or memory limits of `uavrt.foreign`, the kernel ends it, the request is refused
+with an error, and the next one gets a new process. Requests and results are frames on its
+pipes: eight bytes of length, then a pickle.
 """
 
 import asyncio
@@ -26,9 +26,9 @@ from uavrt.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Requests for the process at a time; a map of tiles that is moved asks for some twenty."""
+"""Most requests waiting for the process; moving a tiled map sends some twenty."""
 WALL_S = 60.0
-"""Longest time for one answer [s]: a busy computer gives little of the CPU."""
+"""Longest time for one answer [s], generous for a busy computer."""
 _NICE = 10
 _LENGTH = struct.Struct(">Q")
 _REMEDY = "Give a smaller or simpler one"
@@ -54,22 +54,29 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function there; raises `UavrtError` or `CommandRefused`."""
+        """Call a function in the process; raises `UavrtError` or `CommandRefused`.
+
+        Where this is cancelled, as when the station ends, the process is ended.
+        """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"
             )
         self._waiting += 1
         try:
-            loop = asyncio.get_running_loop()
-            return await loop.run_in_executor(
-                self._threads, lambda: self.result(function, *arguments)
-            )
+            answer = self._threads.submit(self.result, function, *arguments)
+            try:
+                return await asyncio.wrap_future(answer)
+            except asyncio.CancelledError:
+                while not answer.done():  # the program's end would wait for it
+                    self.close()
+                    await asyncio.sleep(0.01)
+                raise
         finally:
             self._waiting -= 1
 
     def result(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function there and wait for it; raises as `call` does."""
+        """Call a function in the process and block for its result; raises as `call` does."""
         question = pickle.dumps((function, arguments), pickle.HIGHEST_PROTOCOL)
         with self._lock:
             process = self._running()
@@ -91,7 +98,6 @@ class ForeignWorker:
     def close(self) -> None:
         """End the process; the next call starts another."""
         self._end()
-        self._process, self._end = None, _nothing
 
     def _running(self) -> "subprocess.Popen[bytes]":
         if self._process is None or self._process.poll() is not None:
@@ -109,7 +115,7 @@ class ForeignWorker:
 
 
 def _nothing() -> None:
-    """No process is there to end."""
+    """Do nothing: no process needs to be ended."""
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:
@@ -170,7 +176,7 @@ def _exactly(pipe: BinaryIO | Any, size: int) -> bytes:
 
 
 def main() -> None:
-    """Answer one question after the other, until the pipe ends."""
+    """Answer one request after the other until the pipe ends."""
     if hasattr(os, "nice"):
         os.nice(_NICE)
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
@@ -202,7 +208,7 @@ def main() -> None:
 
 
 def _plain(error: UavrtError) -> type[UavrtError]:
-    """Get the kind of an error that is made of its message and remedy alone."""
+    """Convert an error to a kind that consists of its message and remedy alone."""
     made_by = "__init__"
     for kind in type(error).__mro__:
         if getattr(kind, made_by) is getattr(UavrtError, made_by):

@@ -1,4 +1,4 @@
-"""Where a tag would be heard along a plan, by the functions of ``uavrt coverage PLAN``."""
+"""Maps of where a tag would be detected along a plan, as ``uavrt coverage PLAN`` makes them."""
 
 import math
 from dataclasses import dataclass, replace
@@ -23,30 +23,31 @@ if TYPE_CHECKING:
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
 _LEVEL_SIGMA_DB = 3.0
-"""What `uavrt coverage` takes by default."""
+"""Uncertainty of the tag's level [dB]; the default of `uavrt coverage`."""
 _MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
 _FARTHEST_M = 50_000.0
-"""From the first place of a plan."""
+"""Largest distance from the first point of a plan [m]."""
 _MOST_CELLS = 45_000
-"""Of a map: what is small has squares of 20 m with 2 km around it, as `uavrt coverage`'s."""
+"""Most cells of a map. A small one has squares of 20 m and a margin of 2 km, as in `uavrt
+coverage`."""
 _MOST_PULSES = 20_000
-"""From all heights together: minutes."""
+"""Most pulses of all heights together; more would take minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foresight:
-    """Which map of a plan is asked for."""
+    """A request for maps of a plan."""
 
     places: tuple[tuple[float, float], ...]
-    """Latitude and longitude of each [deg]."""
+    """Latitude and longitude of each point [deg]."""
     spacing_m: float | None
-    """Between the lines over an area; None: the places are a way."""
+    """Spacing of the lines over an area [m]; None: the points are a path."""
     heights_m: tuple[float, ...]
-    """Above the ground."""
+    """Heights above the ground [m]."""
     speed_m_s: float
     tag: Tag
     listed: bool
-    """Whether the table has the tag."""
+    """True if the table has the tag."""
     tag_power_dbm: float
     antenna: AntennaChoice
 
@@ -54,7 +55,7 @@ class Foresight:
     def asked(
         cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
     ) -> "Foresight":
-        """Judge a page's question; raises `FormatError` or `UsageError`."""
+        """Check a page's request; raises `FormatError` or `UsageError`."""
         from uavrt.analysis.coverage import assumed_tag
 
         if not isinstance(wanted, dict):
@@ -83,15 +84,15 @@ class Foreseen:
 
 
 def foresight_desk() -> MapDesk[Foresight, Foreseen]:
-    """Make a desk for maps of plans."""
+    """Make the desk that computes maps of plans."""
     return MapDesk(_made, _record, "map of a plan")
 
 
 def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
-    """Places of a way or of an outline, and the distance of the lines over it."""
+    """Points of a path or of an outline, and the spacing of the lines over it."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
-        raise FormatError("a plan is either a way or an outline")
+        raise FormatError("a plan must be either a path or an outline")
     given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
     if not isinstance(given, list) or not least <= len(given) <= most:
         raise FormatError(f"a plan has {least} to {most} places")
@@ -189,7 +190,7 @@ def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
 
 
 def _size(wide_m: float, high_m: float) -> "MapSize":
-    """Squares as of `uavrt coverage`, or wider ones where that would be too many."""
+    """Size of the squares: as in `uavrt coverage`, larger if there would be too many."""
     from uavrt.analysis.coverage import MapSize
 
     size = MapSize()

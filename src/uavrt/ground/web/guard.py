@@ -1,10 +1,10 @@
-"""Who may talk to the server: this machine's own page and scripts, no other web site.
+"""Restrict the server to this machine's own page and scripts; refuse other web sites.
 
 A web site that is open in the same browser must not reach the drone: it could send requests to
 this server (cross-site request forgery) or point its own name at this machine (DNS rebinding).
-So the host that a request names must be one of ours, and an origin, where a browser sends one,
-must be the very place that is asked. Scripts send no origin and pass. What makes the drone's
-radio answer is asked by POST alone.
+So a request's host must be one of ours, and its origin, if a browser sends one, must be the
+same host and port. Scripts send no origin and pass. Requests that use the drone's radio must be
+POST.
 """
 
 import hmac
@@ -58,16 +58,16 @@ _WORDS = {
         "wait": "Zu viele falsche Passwörter: in {seconds} s wieder versuchen.",
     },
 }
-"""What the form says, before the page and its catalogue may be seen."""
+"""Texts of the form, shown before the page and its translations may be loaded."""
 
 
 class Guard:
     """ASGI middleware: hosts, origins, password, security headers.
 
-    `app`: what is guarded.
-    `hosts`: host names, without port, that may be asked for besides the local ones; IP
-    addresses of this machine need not be named when a password is set.
-    `password`: asked of every browser; scripts give it as ``Authorization: Bearer PASSWORD``.
+    `app`: the guarded application.
+    `hosts`: allowed host names without port, besides the local ones; IP addresses of this
+    machine are allowed if a password is set.
+    `password`: required from every browser; scripts send ``Authorization: Bearer PASSWORD``.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Guard:
         self._session = secrets.token_urlsafe(32)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """ASGI's entrance."""
+        """Handle a request, as ASGI requires."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -97,7 +97,7 @@ class Guard:
             await self._bounded(scope, receive, send)
 
     async def _bounded(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve a request; one whose body grows beyond `MAX_BODY` as it comes is cut off."""
+        """Serve a request; abort it if its body grows beyond `MAX_BODY`."""
         taken = 0
 
         async def receive_bounded() -> Message:
@@ -120,7 +120,7 @@ class Guard:
         return self._password is None or self._known(scope)
 
     def _fault(self, scope: Scope) -> str | None:
-        """Why a request is refused, None when it may pass."""
+        """Why a request is refused; None if it may pass."""
         headers = Headers(scope=scope)
         host = headers.get("host", "").lower()
         if not self._is_ours(host):
@@ -171,7 +171,7 @@ class Guard:
         return kind == "Bearer" and self._right(bearer, scope)
 
     def _right(self, given: str, scope: Scope) -> bool:
-        """Whether this is the password; one that is tried too often is not looked at."""
+        """True for the right password; not checked after too many attempts."""
         assert self._password is not None
         address = _address(scope)
         if self.guesses.wait_s(address) > 0.0:
@@ -216,7 +216,7 @@ class Guard:
 
 
 def _form(scope: Scope, fault: str = "", **gaps: str) -> str:
-    """Write the form for the password in the first of the browser's languages that is known."""
+    """Write the password form in the browser's first supported language."""
     wanted = Headers(scope=scope).get("accept-language", "").lower().split(",")
     known = (one.strip()[:2] for one in wanted)
     language = next((one for one in known if one in _WORDS), "en")
@@ -235,12 +235,12 @@ async def _body(receive: Receive) -> bytes:
 
 
 def _is_map(scope: Scope) -> bool:
-    """Whether a map file is brought, by a method that no form of another site can send."""
+    """True for an upload of a map file, by a method that no form of another site can send."""
     return scope["method"] == "PUT" and str(scope["path"]).startswith("/api/maps/")
 
 
 class _TooLargeError(Exception):
-    """A body that has no end."""
+    """A body beyond the size limit."""
 
 
 def _address(scope: Scope) -> str:

@@ -1,7 +1,7 @@
-"""What is said of a flight after it: by a whole flight's samples, and by silence.
+"""Results about a whole flight after it: verdicts from its samples, and maps of silence.
 
-Both are made by the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_desk` makes
-the map of where a tag would have been heard; it is asked for again until it is there.
+Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_desk` makes the map
+of where a tag would have been detected; the page polls until it is ready.
 """
 
 import math
@@ -26,7 +26,7 @@ _MOST_CORNERS = 500
 
 
 def integrated_record(flight: Path) -> Record:
-    """Verdicts of a whole flight, and the pulses seen in hindsight, evenly thinned."""
+    """Verdicts of a whole flight, and the pulses found afterwards, thinned evenly."""
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
     step = max(1, math.ceil(len(placed) / _MOST_PULSES))
@@ -47,7 +47,7 @@ def integrated_record(flight: Path) -> Record:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silence:
-    """Which map is asked for."""
+    """A request for a map of where a tag would have been detected."""
 
     flight: Path
     tag_id: int
@@ -56,7 +56,7 @@ class Silence:
 
     @classmethod
     def asked(cls, flight: Path, antenna: AntennaChoice, wanted: object) -> "Silence":
-        """Judge a page's question; raises `FormatError` or `UsageError`."""
+        """Check a page's request; raises `FormatError` or `UsageError`."""
         if not isinstance(wanted, dict):
             raise FormatError("a question must be an object")
         tag_id = wanted.get("tag_id")
@@ -68,13 +68,13 @@ class Silence:
 
 
 class SilenceDesk(MapDesk[Silence, "SilentMap"]):
-    """Makes maps of where a tag would have been heard, one at a time; keeps the last."""
+    """Makes maps of where a tag would have been detected, one at a time; keeps the last."""
 
     def __init__(self) -> None:
         super().__init__(_made, _record, "map of silence")
 
     def absence(self, asked: Silence, wanted: object) -> Record:
-        """Report how probable it is that a tag that was not heard is not in an outline."""
+        """Report the probability that an undetected tag is outside an outline."""
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.coverage import inside
         from uavrt.planning.area import Polygon
@@ -82,11 +82,11 @@ class SilenceDesk(MapDesk[Silence, "SilentMap"]):
 
         found = self.found(asked)
         if found is None:
-            raise UsageError("the map is not there yet", remedy="Ask for it first")
+            raise UsageError("the map is not ready yet", remedy="Request it first")
         if found.ambiguous:
             raise UsageError(
-                f"a train on the frequency of tag {asked.tag_id} may be its own: it cannot be "
-                "said to be silent"
+                f"a train on the frequency of tag {asked.tag_id} may be its own, "
+                "so it may not be silent"
             )
         if found.heard:
             raise UsageError(

@@ -1,7 +1,7 @@
-"""Whole flights judged for the page, by ``uavrt integrate`` as a program of its own.
+"""Evaluate whole flights for the page, by running ``uavrt integrate``.
 
-It takes a core for seconds to a minute and up to a gigabyte, which the ground station, which
-serves pages meanwhile, does not spend itself.
+It uses a core for seconds to a minute and up to a gigabyte; in a program of its own it does not
+slow down the ground station.
 """
 
 import asyncio
@@ -17,22 +17,22 @@ from uavrt.recording.integrated import read_folds
 
 Record = dict[str, Any]
 _NONE_FOUND = 1
-"""What the program ends with where it found no tag."""
+"""Exit code of the program if it found no tag."""
 _SIGMAS = (-1.0, 6.0)
-"""Of a fold's cells, from dark blue to yellow."""
+"""Range of a fold's cells, dark blue to yellow [standard deviations]."""
 _LARGER = 4
-"""Points of the picture for each cell."""
+"""Pixels of the picture per cell, in each direction."""
 
 
 class IntegrationDesk:
-    """Judges whole flights, one at a time."""
+    """Evaluates whole flights, one at a time."""
 
     def __init__(self) -> None:
         self._flight: Path | None = None
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Begin to judge a flight, or report how far that is; without `dem` on level ground."""
+        """Start to evaluate a flight, or report the progress; without `dem` on level ground."""
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_judged(flight, dem))
@@ -47,7 +47,7 @@ class IntegrationDesk:
 
 
 async def _judged(flight: Path, dem: str) -> str | None:
-    """Run the program; what went wrong, in its words."""
+    """Run the program; return its error text if it fails."""
     code, text = await run_uavrt("integrate", str(flight), *(("--dem", dem) if dem else ()))
     return None if code in (0, _NONE_FOUND) else text or "the flight could not be judged"
 

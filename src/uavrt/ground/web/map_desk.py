@@ -1,4 +1,4 @@
-"""Maps that take seconds to minutes: made in a thread, one at a time, until they are there."""
+"""Make maps that take seconds to minutes, one at a time, in a thread."""
 
 import base64
 import math
@@ -20,7 +20,7 @@ log = get_logger()
 
 Record = dict[str, Any]
 OnStep = Callable[[int, int], None]
-"""Takes how many steps are done, and of how many."""
+"""Called with the number of finished steps and their total."""
 Asked = TypeVar("Asked")
 Found = TypeVar("Found")
 _POWER_DBM = (-100.0, 40.0)
@@ -29,7 +29,7 @@ _ANOTHER = "another map was requested meanwhile. Make this one again"
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Work(Generic[Asked, Found]):
-    """A map that is being made, or is there."""
+    """A map in progress or finished."""
 
     asked: Asked
     done: float = 0.0
@@ -39,14 +39,14 @@ class _Work(Generic[Asked, Found]):
 
 
 class _GivenUpError(Exception):
-    """Another map is wanted."""
+    """Raised in the thread when another map is wanted."""
 
 
 class MapDesk(Generic[Asked, Found]):
     """Makes maps, one at a time; keeps the last.
 
-    `make`: makes what is asked for, and reports its steps.
-    `record`: what a page gets of it.
+    `make`: makes a requested map and reports its steps.
+    `record`: converts a map for the page.
     """
 
     def __init__(
@@ -60,10 +60,10 @@ class MapDesk(Generic[Asked, Found]):
         self._lock = threading.Lock()
 
     def answer(self, asked: Asked, *, again: bool = False) -> Record:
-        """Report how far the map is, or what it shows; begin it if it is a new one.
+        """Report the progress of a map or its content; start it if it is new.
 
-        `again`: the same was asked for before: it is not begun again when another page wanted
-        another one meanwhile, or two pages would take it from each other for ever.
+        `again`: a repeated request, which does not restart a map that another page's request
+        replaced; otherwise two pages would interrupt each other for ever.
         """
         with self._lock:
             work = self._work
@@ -79,7 +79,7 @@ class MapDesk(Generic[Asked, Found]):
         return {"state": "done", **self._record(work.found)}
 
     def found(self, asked: Asked) -> Found | None:
-        """Get the map that was asked for, once it is there."""
+        """Get the requested map, once it is finished."""
         work = self._work
         return None if work is None or work.asked != asked else work.found
 
@@ -108,12 +108,12 @@ class MapDesk(Generic[Asked, Found]):
 
 
 def asks_again(wanted: object) -> bool:
-    """Whether a page asks for the map that it has asked for before."""
+    """True if a page repeats its request for a map."""
     return isinstance(wanted, dict) and wanted.get("again") is True
 
 
 def power_in(wanted: dict[str, object]) -> float:
-    """Read what a tag radiates [dBm]; raises `FormatError` or `UsageError`."""
+    """Read a tag's radiated power [dBm]; raises `FormatError` or `UsageError`."""
     power = wanted.get("tag_power_dbm")
     if isinstance(power, bool) or not isinstance(power, int | float):
         raise FormatError("tag_power_dbm must be a number")
@@ -124,7 +124,7 @@ def power_in(wanted: dict[str, object]) -> float:
 
 
 def map_record(coverage: "Coverage") -> Record:
-    """Picture of a map, where it lies, and its figures."""
+    """Picture of a map, its position and its figures."""
     ground = coverage.ground
     half = 0.5 * ground.cell_m
     west, east = float(ground.east_m[0]) - half, float(ground.east_m[-1]) + half
@@ -142,7 +142,7 @@ def map_record(coverage: "Coverage") -> Record:
 
 
 def figures(coverage: "Coverage") -> Record:
-    """Mean probability of a map, its share that is heard with .9 or more, and its area."""
+    """Mean probability of a map, its share with .9 or more, and its area."""
     return {
         "mean_probability": _known(coverage.mean),
         "share_above_90": _known(coverage.share_above(0.9)),

@@ -1,4 +1,4 @@
-"""Routes by which a page asks for motions of the drone."""
+"""Routes by which a page requests motions of the drone."""
 
 import asyncio
 from typing import Any
@@ -15,7 +15,7 @@ from uavrt.ground.web.routing import Row, json_body, page_of
 
 
 class MotionApi:
-    """The motions of one vehicle."""
+    """Routes for the motions of one vehicle."""
 
     def __init__(self, flying: Flying, store: GroundStore, worker: ForeignWorker) -> None:
         self._flying, self._store, self._worker = flying, store, worker
@@ -34,31 +34,31 @@ class MotionApi:
         ]
 
     async def area(self, request: Request) -> Any:
-        """Corners of an area: ``{"name": …, "text": …}`` of a file, or centre and radius."""
+        """Get the corners of an area from a file's text, or from centre and radius."""
         return await self._worker.call(area_in_body, await request.body())
 
     async def plan(self, request: Request) -> Any:
-        """Where a motion would lead; the drone is not asked."""
+        """Preview a motion without the drone."""
         return self._flying.plan(await json_body(request))
 
     async def coverage(self, request: Request) -> Any:
-        """The map of where a tag would be heard along a plan, or how far it is."""
+        """Get the map of where a tag would be detected along a plan, or its progress."""
         store, wanted = self._store, await json_body(request)
         asked = Foresight.asked(wanted, store.tags, store.settings.antenna_choice)
         return await asyncio.to_thread(self._foresight.answer, asked, again=asks_again(wanted))
 
     async def upload(self, request: Request) -> Any:
-        """Give a survey to the autopilot as its mission. Nothing moves by it."""
+        """Upload a survey to the autopilot as its mission. Nothing moves yet."""
         return await self._flying.upload(await json_body(request), self._worker.call)
 
     async def ask(self, request: Request) -> Any:
-        """Ask the drone for a motion: its offer, or its reason not to. Nothing moves by it."""
+        """Request a motion: the drone's offer or its reason to refuse. Nothing moves yet."""
         return await self._flying.ask(await json_body(request), page_of(request))
 
     async def confirm(self, request: Request) -> Any:
-        """Confirm the offer, ``{"order_id": …, "sticks_unseen": false}``: it moves."""
+        """Confirm the offer, ``{"order_id": …, "sticks_unseen": false}``: the drone moves."""
         return await self._flying.confirm(await json_body(request), page_of(request))
 
     async def stop(self, request: Request) -> Any:
-        """Take the drone back: it stands. Everybody may."""
+        """Stop the drone. Every page may."""
         return await self._flying.stop()

@@ -19,17 +19,18 @@ from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket
 from uavrt.heap import HeapKeeper
 
 TIDY_S = 5.0
-"""A flight of 100 000 pulses that is opened passes through 40 MB, which glibc would keep."""
+"""Interval of freeing memory [s]; opening a flight of 100 000 pulses uses 40 MB, which glibc
+would keep."""
 
 SLOW_S = 0.03
-"""A collection that takes longer delays a pulse visibly [s]."""
+"""Duration of a garbage collection that visibly delays a pulse [s]."""
 MOST_FREEZES = 8
-"""What is frozen is never looked at again, were it garbage then."""
+"""Most freezes of objects; frozen objects are never collected, even if unused later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSettings(StationSettings):
-    """What ``uavrt ground`` was asked for, with its page."""
+    """Options of ``uavrt ground`` with a page."""
 
     server: ServerSettings = field(default_factory=ServerSettings)
 
@@ -69,7 +70,7 @@ class PageStation(Station):
 
 
 def page_address(settings: ServerSettings, sock: socket.socket) -> str:
-    """Write the address that a browser on this computer opens."""
+    """Format the address for a browser on this computer."""
     scheme = "https" if settings.certificate else "http"
     wildcard = settings.host in ("0.0.0.0", "::", "127.0.0.1")
     host = "127.0.0.1" if wildcard else settings.host
@@ -78,10 +79,10 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 
 
 async def _tidied() -> None:
-    """Give free memory back from time to time, until cancelled.
+    """Free unused memory periodically, until cancelled.
 
-    What was imported stays: it is frozen, so that a collection does not look at it each time.
-    The first estimate or report imports more; a slow collection shows it.
+    Imported modules are frozen so that collections skip them. The first estimate or report
+    imports more; a slow collection then triggers another freeze.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

@@ -1,4 +1,4 @@
-"""The records that a page receives on its WebSocket."""
+"""Send records to a page on its WebSocket."""
 
 import asyncio
 import contextlib
@@ -13,7 +13,7 @@ MAX_PAGE_NAME = 64
 
 
 async def send_records(session: GroundSession, websocket: WebSocket) -> None:
-    """Send every record of a session, after one of its whole present state."""
+    """Send the complete state of a session, then each record."""
     await websocket.accept()
     hub, commander = session.vehicle.feed.hub, session.commander
     queue = hub.listen()
@@ -40,7 +40,7 @@ async def send_records(session: GroundSession, websocket: WebSocket) -> None:
 async def _texts(
     queue: asyncio.Queue[str | None], until: "asyncio.Task[None]"
 ) -> AsyncIterator[str]:
-    """Texts of a queue until it ends or the task does."""
+    """Texts of a queue until it or the task ends."""
     while not until.done():
         getting = asyncio.ensure_future(queue.get())
         await asyncio.wait({getting, until}, return_when=asyncio.FIRST_COMPLETED)
@@ -54,7 +54,7 @@ async def _texts(
 
 
 async def _until_closed(websocket: WebSocket) -> None:
-    """Listeners say nothing; what they say is thrown away."""
+    """Discard incoming messages until the page disconnects."""
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):
         while True:
             message = await websocket.receive()

@@ -9,37 +9,37 @@ from uavrt.clock import monotonic_s
 TRIES = 5
 WINDOW_S = 60.0
 LEAST_PASSWORD = 8
-"""Characters of a password. Guesses from many addresses do not delay the right password, so the
-server's speed limits them: it answers 3000 a second on two cores. Eight random letters and
-digits (36⁸) are then found within 4 years by half even at 10 000 a second, and from one address
-not in a million years."""
+"""Least length of a password. Only the server's speed limits guesses from many addresses: 3000
+a second. At 10 000 a second, half of all passwords of eight random letters and digits (36⁸)
+last 4 years."""
 
 
 class Guesses:
-    """Counts wrong passwords by address: five a minute from each.
+    """Limits wrong passwords to five a minute per address.
 
-    Other addresses' guesses never delay the right password, and who has the cookie is not
-    asked again.
+    Other addresses' guesses never delay the right password, and a browser with the cookie is
+    not asked again.
 
-    `now_s`: time now.
+    `now_s`: returns the time.
     """
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:
         self._now_s = now_s
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
-        """Times of each place's last wrong passwords; the place with the oldest one first."""
+        """Times of each address's last wrong passwords; the address with the oldest one
+        first."""
         self.refused = 0
-        """Attempts that were not checked."""
+        """Attempts rejected without a check."""
 
     def wait_s(self, address: str) -> float:
-        """Time until the next attempt from an address is checked; 0 when it may be now."""
+        """Time until the next attempt from an address is checked [s]; 0: now."""
         times = self._wrong.get(_place(address), deque())
         wait_s = times[0] + WINDOW_S - self._now_s() if len(times) == TRIES else 0.0
         self.refused += wait_s > 0.0
         return max(0.0, wait_s)
 
     def wrong(self, address: str) -> None:
-        """Note a wrong password."""
+        """Record a wrong password."""
         now_s, place = self._now_s(), _place(address)
         self._wrong.setdefault(place, deque(maxlen=TRIES)).append(now_s)
         self._wrong.move_to_end(place)
@@ -48,7 +48,7 @@ class Guesses:
 
 
 def _place(address: str) -> str:
-    """An address, or of IPv6 the network of a household: it has 2⁶⁴ of them."""
+    """An IPv4 address, or the IPv6 network of a household, which has 2⁶⁴ addresses."""
     try:
         known = ipaddress.ip_address(address)
     except ValueError:

@@ -1,6 +1,6 @@
-"""Reports of flights, made by ``uavrt report`` as a program of its own.
+"""Make reports of flights by running ``uavrt report``.
 
-Its drawing library takes 65 MB; the ground station, which runs all day, does not load it.
+Its drawing library takes 65 MB, which the ground station, running all day, does not load.
 """
 
 import asyncio
@@ -17,13 +17,13 @@ POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; sandbox; "
     "frame-ancestors 'none'"
 )
-"""What a browser may do with a report: show it. Names in it were typed by people."""
+"""Content policy of a report: display only, since names in it were typed by people."""
 FACTS = "report.toml"
-"""Facts about flights, written by people (`uavrt.analysis.facts`)."""
+"""File of facts about flights, written by people (`uavrt.analysis.facts`)."""
 
 
 class Reporter:
-    """Makes reports, one at a time, and keeps them while nothing has changed."""
+    """Makes reports, one at a time, and keeps them until their flight changes."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -39,7 +39,7 @@ class Reporter:
 
 
 def _named(antenna: AntennaChoice) -> str:
-    """Name the folder of reports with an antenna and all that goes with it."""
+    """Name of the reports' folder for an antenna and its settings."""
     usual = AntennaChoice(pattern=antenna.pattern, offset_deg=antenna.offset_deg)
     name = antenna.pattern + (f"{antenna.offset_deg:+g}" if antenna.offset_deg else "")
     return (
@@ -48,7 +48,7 @@ def _named(antenna: AntennaChoice) -> str:
 
 
 def _kept(place: Path, flight: Path) -> bytes | None:
-    """Return the report that is there, when the flight has not changed since."""
+    """Return the stored report if the flight has not changed since."""
     report = place / "report.html"
     if not report.is_file():
         return None
@@ -58,7 +58,7 @@ def _kept(place: Path, flight: Path) -> bytes | None:
 
 
 async def run_uavrt(*arguments: str) -> tuple[int | None, str]:
-    """Run ``uavrt`` as a program of its own; get its exit code and the end of its errors."""
+    """Run ``uavrt`` as a program; return its exit code and the end of its error output."""
     program = await asyncio.create_subprocess_exec(
         *(sys.executable, "-P", "-m", "uavrt.cli", *arguments),
         stdin=asyncio.subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""How requests reach the functions that answer them, and how answers and errors are written."""
+"""Route requests to their functions; write their answers and errors."""
 
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from uavrt.ground.listeners import encode
 from uavrt.ground.web.foreign_requests import read_body
 
 Handler = Callable[[Request], Awaitable[Any]]
-"""Answers with something for JSON, an `Answer`, or a response."""
+"""Returns a value for JSON, an `Answer`, or a response."""
 
 
 class Row(NamedTuple):
     """One route of the page's server."""
 
     path: str
-    """Below ``/api``."""
+    """Path below ``/api``."""
     method: str
     handle: Handler
     commands: bool = False
-    """Only the page in command may ask it."""
+    """True if only the commanding page may request it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Answer:
 
 
 def made(rows: Iterable[Row], commander: Commander) -> list[Route]:
-    """Make the routes of a table."""
+    """Make the routes of a table of rows."""
     return [
         Route(
             f"/api{row.path}",
@@ -50,7 +50,7 @@ def made(rows: Iterable[Row], commander: Commander) -> list[Route]:
 
 
 def page_of(request: Request) -> str | None:
-    """Get the name of the page that asks; None for a script."""
+    """Get the name of the requesting page; None for a script."""
     return request.headers.get("x-page")
 
 
@@ -63,7 +63,7 @@ def _by(commander: Commander, handle: Handler) -> Handler:
 
 
 def answered(handle: Handler) -> Callable[[Request], Any]:
-    """Turn values into JSON and deliberate errors into answers that say what to do."""
+    """Convert values to JSON and deliberate errors to answers with a remedy."""
 
     async def answer(request: Request) -> Response:
         try:
@@ -90,18 +90,18 @@ def _json_response(value: Any, status: int) -> Response:
 
 
 async def json_body(request: Request) -> Any:
-    """Read what was sent as JSON; raises `FormatError`."""
+    """Parse the request body as JSON; raises `FormatError`."""
     return read_body(await request.body())
 
 
 async def json_object(request: Request) -> dict[str, Any]:
-    """Read the fields that were sent, none of what is no object; raises `FormatError`."""
+    """Parse the request body as a JSON object; raises `FormatError`."""
     body = await json_body(request)
     return body if isinstance(body, dict) else {}
 
 
 def whole_number(request: Request, name: str, default: int, most: int) -> int:
-    """Read a number of a query; raises `FormatError`."""
+    """Read an integer of the query; raises `FormatError`."""
     text = request.query_params.get(name, str(default))
     if not text.isascii() or not text.isdigit():
         raise FormatError(f"{name} must be a whole number")

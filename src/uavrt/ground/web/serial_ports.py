@@ -4,7 +4,7 @@ from typing import Any
 
 
 def serial_ports() -> list[dict[str, Any]]:
-    """List the ports with what the system says of them: COM ports on Windows, tty elsewhere."""
+    """List the serial ports (COM on Windows, tty elsewhere) with their descriptions."""
     from serial.tools import list_ports
 
     found = []

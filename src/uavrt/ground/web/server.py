@@ -52,13 +52,13 @@ works; scripts can use <a href="/api/state">/api/state</a> and its neighbours.</
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerSettings:
-    """Where the page is served."""
+    """Address, access and files of the page's server."""
 
     host: str = "127.0.0.1"
     port: int = DEFAULT_PORT
-    """0 takes any free port."""
+    """Port; 0 takes any free one."""
     names: frozenset[str] = frozenset()
-    """Host names that may be asked for, besides the local ones."""
+    """Host names accepted in requests, in addition to the local ones."""
     password: str | None = None
     certificate: Path | None = None
     key: Path | None = None
@@ -113,21 +113,21 @@ def _check_certificate(settings: ServerSettings) -> None:
 
 
 def _no_pass_phrase() -> str:
-    """Answer OpenSSL, which would ask at the terminal."""
+    """Prevent OpenSSL from prompting for a pass phrase at the terminal."""
     remedy = "Write it without one: openssl pkey -in KEY -out NEW"
     raise ConfigError("the page's key has a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):
-    """Uvicorn that leaves the signals to us."""
+    """Uvicorn that leaves signals to the caller."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture none: ``uavrt ground`` stops everything in its order."""
+        """Capture no signals: ``uavrt ground`` stops everything in its order."""
         yield
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
-        """Serve the page; each client has its share of connections."""
+        """Serve the page, with limited connections per client."""
         entrance = sockets[0] if sockets else None
         assert isinstance(entrance, ListeningSocket)
         self.config.http = protocol_of(entrance)
@@ -192,7 +192,7 @@ def _doors(settings: ServerSettings) -> Handler:
 def _routes(
     session: GroundSession, worker: ForeignWorker, drone_settings: Path | None = None
 ) -> list[Route | Mount | WebSocketRoute]:
-    """The page and what it asks of one session."""
+    """Routes of the page and of one session."""
     routes: list[Route | Mount | WebSocketRoute] = [
         Route("/", _page),
         WebSocketRoute("/api/records", partial(send_records, session)),
@@ -212,7 +212,7 @@ def _routes(
 
 
 def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
-    """Let a handler find on the disk what the pages show already, unless the disk is slow."""
+    """Write pending flights to disk before the handler runs, unless the disk is slow."""
 
     async def handle(request: Request) -> Any:
         vehicles = (session.vehicle, *session.vehicle.companions)
@@ -225,7 +225,7 @@ def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
 
 
 class FurtherVehicles:
-    """The page of each further vehicle, below ``/vehicle/NUMBER``."""
+    """Serves the page of each further vehicle below ``/vehicle/NUMBER``."""
 
     def __init__(self, fleet: Fleet, worker: ForeignWorker) -> None:
         self._fleet, self._worker = fleet, worker
@@ -251,10 +251,10 @@ class FurtherVehicles:
 
 
 class _Assets(StaticFiles):
-    """Built files: their names hold their hash, so they never change."""
+    """Serves built files, whose names contain their hash, so that they never change."""
 
     def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        """Starlette's, to be kept by the browser."""
+        """Return a file that the browser may cache."""
         response = super().file_response(*args, **kwargs)
         response.headers["Cache-Control"] = "public, max-age=31536000, immutable"
         return response

@@ -1,4 +1,4 @@
-"""Routes of a drone's first set-up, where the page runs on the drone's own computer."""
+"""Routes of a drone's first set-up, if the page runs on the drone's own computer."""
 
 import asyncio
 from dataclasses import asdict
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class SetUpApi:
-    """The steps of `uavrt.computer.first_setup`, asked of this computer.
+    """Routes of the steps of `uavrt.computer.first_setup`.
 
     `session`: the page's; it takes over the drone's name and antenna.
     """
@@ -38,7 +38,7 @@ class SetUpApi:
         ]
 
     async def state(self, request: Request) -> Any:
-        """Whether the set-up is wanted; then what each step begins with, and choices."""
+        """Get whether the set-up is wanted, and the initial values and choices of each step."""
         setup = self._setup
         if not setup.wanted:
             return {"wanted": False}
@@ -50,7 +50,7 @@ class SetUpApi:
         }
 
     async def take(self, request: Request) -> Any:
-        """Judge and write a step: 422 with ``faults: [{field, text}]``, or what it now is."""
+        """Check and write a step: 422 with ``faults: [{field, text}]``, or its new values."""
         setup = self._setup
         body = await json_body(request)
         faults = await asyncio.to_thread(setup.take, request.path_params["step"], body)
@@ -59,7 +59,7 @@ class SetUpApi:
         return {"faults": [], "values": await asyncio.to_thread(setup.values)}
 
     async def test(self, request: Request) -> Any:
-        """Try the radio, or the link to the autopilot, as they have been set."""
+        """Test the radio or the autopilot's link with the stored settings."""
         setup = self._setup
 
         def findings() -> list[dict[str, Any]]:
@@ -69,7 +69,7 @@ class SetUpApi:
         return await asyncio.to_thread(findings)
 
     async def finish(self, request: Request) -> Any:
-        """End the set-up; the page's own settings follow."""
+        """Finish the set-up; update the page's own settings."""
         setup = self._setup
         values = await asyncio.to_thread(setup.values)
         finished = await asyncio.to_thread(setup.finish)
@@ -80,7 +80,7 @@ class SetUpApi:
         return finished
 
     async def command_key(self, request: Request) -> Any:
-        """The drone's command key as a file, for a laptop that is to command."""
+        """Get the drone's command key as a file for a commanding laptop."""
         key = await asyncio.to_thread(self._setup.command_key)
         attached = {"Content-Disposition": 'attachment; filename="command.key"'}
         return Response(key, media_type="text/plain", headers=attached)
@@ -104,7 +104,7 @@ async def _unwanted(_request: Request) -> Any:
 
 
 def _running(config: Path) -> SystemStatus | None:
-    """Ask the drone side on this computer for its state; None where none runs."""
+    """Query the state of the drone side on this computer; None if it is not running."""
     from uavrt.monitor.reader import running_status, status_socket_path
 
     try:

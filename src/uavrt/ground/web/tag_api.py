@@ -14,7 +14,7 @@ from uavrt.messages import Tag
 
 
 class TagApi:
-    """The tags of one vehicle."""
+    """Routes for the tags of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle, worker: ForeignWorker) -> None:
         self._vehicle, self._worker = vehicle, worker
@@ -30,13 +30,13 @@ class TagApi:
         ]
 
     async def tags(self, request: Request) -> Any:
-        """The tag table."""
+        """Get the tag table."""
         return tag_table.rows_from_tags(self._vehicle.store.tags)
 
     async def put(self, request: Request) -> Any:
         """Store the tag table if it has no faults; otherwise report all of them.
 
-        With ``If-Match: "VERSION"`` only while the table is still that one: another page may
+        With ``If-Match: "VERSION"`` only if the table still has that version: another page may
         have changed it.
         """
         rows = await json_body(request)
@@ -59,16 +59,16 @@ class TagApi:
         return {"faults": [], **_table(tags)}
 
     async def check(self, request: Request) -> Any:
-        """Report the faults of a table that is being typed; without any, what may surprise."""
+        """Report the faults of a table that is being typed; without any, its warnings."""
         checked = await self._worker.call(checked_tags, await request.body())
         return checked | {"faults": [asdict(fault) for fault in checked["faults"]]}
 
     async def read(self, request: Request) -> Any:
-        """Read rows from files, and what these do not fly with; nothing is kept yet."""
+        """Read rows from files, and the tags that these exclude; nothing is stored yet."""
         return await self._worker.call(imported_tags, await request.body())
 
     async def export(self, request: Request) -> Any:
-        """Write the table as a file."""
+        """Get the table as a file."""
         name = request.path_params["name"]
         text = tag_table.export_text(self._vehicle.store.tags, name)
         return download(text.encode(), name, "text/plain; charset=utf-8")

@@ -1,9 +1,9 @@
-"""Waterfall of a channel: of samples in a flight directory, or live at a UDP port.
+"""Waterfall of a channel: from samples in a flight directory, or live from a UDP port.
 
-The radio link is far too slow for samples. So a waterfall is drawn from what this computer
-has: recordings that lie in a flight's ``iq/`` (fetched, copied, or made here by ``uavrt run
---ground``), and the channels that the drone sends as datagrams over a quick link
-(``[udp_channels]``), which on the drone itself come over the loopback.
+The radio link is far too slow for samples. A waterfall therefore uses what this computer has:
+recordings in a flight's ``iq/`` (fetched, copied, or made by ``uavrt run --ground``), and
+channels that the drone sends as datagrams over a fast link (``[udp_channels]``); on the drone
+itself they arrive over the loopback.
 """
 
 import asyncio
@@ -32,15 +32,15 @@ from uavrt.units import ns_from_s
 log = get_logger()
 
 HALF_WIDTH_HZ = 800.0
-"""About the tag; the search is 500 Hz wide on either side."""
+"""Half-width of the picture around the tag [Hz]; the search covers 500 Hz on either side."""
 LONGEST_S = 120.0
-"""Of a recording at once: 120 s at 3 MS/s take about 4 s of a core."""
+"""Longest stretch of a recording at once [s]: 120 s at 3 MS/s take about 4 s of a core."""
 LOWEST_DB, SPAN_DB = -3.0, 33.0
-"""Cells hold 0 … 255 for -3 … +30 dB over the noise, the median of the picture."""
+"""Level of value 0 and span of 255 values: -3 … +30 dB over the picture's median."""
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
-"""Frames of 10 ms that are joined by their maximum: 12.5 columns a second."""
+"""Frames of 10 ms joined by their maximum: 12.5 columns a second."""
 NOISE_COLUMNS = 60
 
 
@@ -52,26 +52,26 @@ class Picture:
     column_s: float
     low_hz: float
     high_hz: float
-    """Edges, relative to the tag or, live, to the channel's centre."""
+    """Upper edge relative to the tag or, live, to the channel's centre."""
     columns: int
     rows: int
     values: str
-    """Columns after one another, each from low to high, a byte a cell, in base64."""
+    """Columns one after the other, each from low to high frequency, one byte per cell,
+    base64."""
 
 
 def recordings(flight: Path) -> list[Path]:
-    """Find the recordings of samples of a flight, in order of their names."""
+    """List the sample recordings of a flight, sorted by name."""
     return sorted(FlightLayout(flight).iq_directory.glob("*.sigmf-meta"))
 
 
 def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> Picture:
-    """Draw a stretch of a recording about a tag's frequency.
+    """Draw a stretch of a recording around a tag's frequency.
 
     `path`: a SigMF recording.
-    `tag`: whose channel.
-    `start_s`, `length_s`: which stretch, from the recording's beginning; `LONGEST_S` at most.
-    Raises `FormatError`: it cannot be read, or holds nothing there.
-    Raises `TunerError`: the tag lies outside of the recorded band.
+    `start_s`, `length_s`: the stretch, from the recording's beginning; `LONGEST_S` at most.
+    Raises `FormatError`: it cannot be read, or has no samples there. Raises `TunerError`: the
+    tag is outside the recorded band.
     """
     source = open_recording(path)
     try:
@@ -118,7 +118,7 @@ def picture(
     column_s: float,
     frequencies_hz: NDArray[np.float64],
 ) -> Picture:
-    """Write (columns, rows) powers as bytes over a noise; what is missing becomes 0."""
+    """Convert (columns, rows) powers to bytes relative to a noise; missing ones become 0."""
     with np.errstate(divide="ignore"):
         level_db = 10.0 * np.log10(power / noise)
     cells = np.clip(255.0 * (level_db - LOWEST_DB) / SPAN_DB, 0.0, 255.0).astype(np.uint8)
@@ -142,7 +142,7 @@ class LiveWaterfall:
         self.address: str | None = None
 
     async def listen(self, address: str) -> None:
-        """Listen at one address; an empty one ends it. Raises `UavrtError`."""
+        """Receive at one address; an empty one ends it. Raises `UavrtError`."""
         self.close()
         if not address:
             return
@@ -156,14 +156,14 @@ class LiveWaterfall:
         self.address = address
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the receiver."""
         for transport in self._transports:
             transport.close()
         self._transports, self.address = [], None
 
 
 class ChannelStream:
-    """Datagrams of a channel to columns of a picture; pure but for `show`."""
+    """Convert datagrams of a channel to columns of a picture; pure except for `show`."""
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
         self._show = show
@@ -172,7 +172,7 @@ class ChannelStream:
         self._index = 0
         self._noise: list[NDArray[np.float32]] = []
         self.refused = 0
-        """Datagrams that are not of a channel."""
+        """Datagrams that do not belong to a channel."""
 
     def receive(self, payload: bytes) -> None:
         """Handle a datagram."""
@@ -189,7 +189,7 @@ class ChannelStream:
             self._draw(*frame)
 
     def _draw(self, time_ns: int, samples: NDArray[np.complex64], lost: int) -> None:
-        """Draw one frame of 0.27 s; the pulses at its edges lie in two, and show in both."""
+        """Draw one frame of 0.27 s; pulses at its edges appear in two frames."""
         self._index += lost
         waterfall = Waterfall(
             offset_hz=0.0,
@@ -229,7 +229,7 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._stream = stream
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Asyncio's entrance."""
+        """Pass a received datagram on."""
         try:
             self._stream.receive(data)
         except (UavrtError, ValueError) as error:
@@ -255,7 +255,7 @@ def _blocks(source: RecordingSource) -> Iterator[IQBlock]:
 
 
 def _noise(power: NDArray[np.float32]) -> float:
-    """Median of the cells that hold anything."""
+    """Median of the non-empty cells."""
     return float(np.median(power[power > 0.0])) if power.any() else 1.0
 
 

@@ -150,7 +150,7 @@ def _headings(yaw_deg: ArrayLike | None, quaternion_wxyz: ArrayLike | None) -> H
     if quaternion_wxyz is not None:
         return Headings.from_quaternions(quaternion_wxyz)
     if yaw_deg is None:
-        raise UsageError("no headings", remedy="Give yaw_deg or quaternion_wxyz")
+        raise UsageError("headings are missing", remedy="Give yaw_deg or quaternion_wxyz")
     headings = Headings.level(yaw_deg)
     if not np.all(np.isfinite(headings.yaw_deg)):
         raise UsageError("a heading is not finite", remedy="Drop the pulses without a pose")

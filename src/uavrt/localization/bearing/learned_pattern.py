@@ -48,7 +48,7 @@ def learn_pattern(
     Raises `UsageError`: no turn was given.
     """
     if not turns:
-        raise UsageError("no turns to learn from", remedy="Turn in place near a tag")
+        raise UsageError("there are no turns to learn from", remedy="Turn in place near a tag")
     angles = np.linspace(0.0, 180.0, _STEPS)
     table = antenna.gain_db(angles)
     correction: _Floats = np.zeros(_HARMONICS)

@@ -55,8 +55,8 @@ def bearing_likelihood(
 
     every = np.arange(first, round(tables.highest_db / LEVEL_STEP_DB), _COARSE_LEVEL_STEPS)
     coarse_deg = np.arange(0.0, 360.0, _COARSE_STEP_DEG)
-    levels = np.broadcast_to(every, (len(coarse_deg), len(every)))
-    coarse = _summed(tables.log_likelihood, places_of(coarse_deg), levels)
+    starts = np.full(len(coarse_deg), first)
+    coarse = _summed(tables.log_likelihood, places_of(coarse_deg), starts, every - first)
     step_db = _COARSE_LEVEL_STEPS * LEVEL_STEP_DB
     coarse_marginal = _log_mean(_log_integral(coarse, step_db) + prior)
     kept = coarse_marginal > coarse_marginal.max() - _KEEP_NATS
@@ -64,12 +64,12 @@ def bearing_likelihood(
 
     # Few pulses leave the level wide: longer steps then, so that the window holds it.
     level_step = 1 if pulses >= 30 else 2 if pulses >= 10 else 4
-    spread = level_step * np.arange(-_LEVELS_EACH_SIDE, _LEVELS_EACH_SIDE + 1)
+    spread = level_step * np.arange(2 * _LEVELS_EACH_SIDE + 1)
     part = max(1, round(12 * min(1.0, 30.0 / np.count_nonzero(kept))))
     offsets = (np.arange(part) / part - 0.5) * _COARSE_STEP_DEG
     fine_deg = (coarse_deg[kept][:, None] + offsets).ravel()
-    fine_levels = np.repeat(best_level[kept], part)[:, None] + spread
-    fine = _summed(tables.log_likelihood, places_of(fine_deg), fine_levels)
+    starts = np.repeat(best_level[kept], part) - level_step * _LEVELS_EACH_SIDE
+    fine = _summed(tables.log_likelihood, places_of(fine_deg), starts, spread)
     fine_marginal = _log_integral(fine, level_step * LEVEL_STEP_DB) + prior
 
     known_deg = np.concatenate([coarse_deg[~kept], fine_deg])
@@ -78,10 +78,10 @@ def bearing_likelihood(
 
     top = int(np.argmax(_log_mean(fine_marginal)))
     share = np.exp(fine_marginal[top] - fine_marginal[top].max())
-    level, sigma = _moments(fine[top], fine_levels[top] * LEVEL_STEP_DB)
-    flat = np.arange(first, round(tables.highest_db / LEVEL_STEP_DB))[None, :]
+    level, sigma = _moments(fine[top], (starts[top] + spread) * LEVEL_STEP_DB)
+    flat = np.arange(round(tables.highest_db / LEVEL_STEP_DB) - first)
     flat_places = (-noise_db[:, None] - tables.lowest_db) / LEVEL_STEP_DB
-    equal = _summed(tables.log_likelihood, flat_places, flat)
+    equal = _summed(tables.log_likelihood, flat_places, np.array([first]), flat)
     log_equal = _log_mean(_log_integral(equal, LEVEL_STEP_DB) + prior)[0]
     log_noise = _log_mean(tables.log_likelihood[:, 0, :].sum(axis=0, dtype=np.float64))
     return BearingLikelihood(
@@ -101,23 +101,35 @@ def _sorted(
 
 
 def _summed(
-    tables: NDArray[np.float32], places: NDArray[np.float64], levels: NDArray[np.int64]
+    tables: NDArray[np.float32],
+    places: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    steps: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
 
     `tables`: shape (n, steps, fadings).
     `places` (n, b): where a boresight level of 0 dB falls in each pulse's table at each bearing
     [steps].
-    `levels` (b, k): boresight levels [steps].
+    `starts` (b,): lowest boresight level for each bearing [steps].
+    `steps` (k,): all boresight levels, from the lowest on [steps].
     """
     last = tables.shape[1] - 2
-    total = np.zeros((*levels.shape, tables.shape[2]), np.float64)
-    for table, place in zip(tables, places, strict=True):
-        below = np.floor(place)
-        part = (place - below).astype(np.float32)[:, None, None]
-        index = np.clip(below.astype(np.intp)[:, None] + levels, 0, last)
-        low = table.take(index, axis=0)
-        total += low + part * (table.take(index + 1, axis=0) - low)
+    total = np.zeros((len(starts), len(steps), tables.shape[2]), np.float64)
+    below = np.floor(places)
+    parts = (places - below).astype(np.float32)[:, :, None, None]
+    # Bearings share rows: what is needed from each first row on is laid side by side once.
+    firsts = below.astype(np.intp) + starts
+    lowest = firsts.min()
+    rows = np.clip(np.arange(lowest, firsts.max() + 1)[:, None] + steps, 0, last)
+    low, more = (np.empty(total.shape, np.float32) for _ in range(2))
+    slopes = np.diff(tables, axis=1)
+    for table, slope, first, part in zip(tables, slopes, firsts - lowest, parts, strict=True):
+        table.take(rows, axis=0).take(first, axis=0, out=low, mode="clip")
+        slope.take(rows, axis=0).take(first, axis=0, out=more, mode="clip")
+        more *= part
+        low += more
+        total += low
     return total
 
 

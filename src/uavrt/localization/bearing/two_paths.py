@@ -7,6 +7,7 @@ circular correlation over whole degrees.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,12 @@ _APART_DEG = (20, 35, 50, 65, 80, 100, 120, 150, 180)
 _WEAKER_DB = (-6.0, -3.0, -1.0, 0.0)
 _COSINES = (-0.95, -0.6, 0.0, 0.6, 0.95)
 """Cosines of the phase between the paths."""
+_PAIRS_DEG = [sign * turn for turn in _APART_DEG for sign in (1, -1)][:-1]
+"""Directions of the weaker path, clockwise from the stronger one; 180° once."""
+_WEAKER_SHARE = np.repeat(
+    [1.0 / (1.0 + 10.0 ** (-db / 10.0)) for db in _WEAKER_DB], len(_COSINES)
+)
+"""Share of the weaker path in the power of both, by strength and phase."""
 _ROUNDING = 1e-9
 """Rounding error of the sum of squares of the levels; smaller residuals are exact fits."""
 LEAST_PULSES = 12
@@ -64,7 +71,8 @@ def two_paths(
     """
     if len(yaw_deg) < LEAST_PULSES:
         return None
-    shapes, pairs = _shapes(pattern, level_db)
+    # The level stays what it was: a fit with two paths has the same strongest pulses.
+    shapes = 10.0 * np.log10(1.0 + 10.0 ** (level_db / 10.0) * _powers(pattern))
     floor = np.maximum(matched_power, 0.1)
     s = np.maximum(matched_power - 1.0, 0.0)
     weight = 1.0 / (fading_db**2 + 18.86 * (1.0 + 2.0 * s) / (folds * (1.0 + s) ** 2))
@@ -75,27 +83,22 @@ def two_paths(
     binned_level = _binned(heading, weight * level)
     total, sum_level = weight.sum(), float(weight @ level)
     # Entry b of each correlation is the sum over headings of f(heading) g(b - heading).
-    mean = _correlated(binned, shapes)
+    weights, levels, harmonics = (fft.rfft(one) for one in (binned, binned_level, shapes))
+    mean = fft.irfft(harmonics * weights, 360)
     squares = float(weight @ level**2)
-    cost = (
-        squares
-        - 2.0 * _correlated(binned_level, shapes)
-        + _correlated(binned, shapes**2)
-        - (sum_level - mean) ** 2 / total
-    )
+    cost = fft.irfft(fft.rfft(shapes**2) * weights - 2.0 * harmonics * levels, 360)
+    cost += squares - (sum_level - mean) ** 2 / total
     cost = np.maximum(cost, _ROUNDING * squares)
     pulses = len(yaw_deg)
     one, many = cost[0].min(), cost[1:]
     place = np.unravel_index(int(np.argmin(many)), many.shape)
-    apart = pairs[place[0] + 1]
+    apart = _PAIRS_DEG[int(place[0]) // len(_WEAKER_SHARE)]
     score = np.exp(-0.5 * pulses * np.log(many / many.min()))
-    density = np.zeros(360)
-    for turn in np.unique(pairs[1:]):
-        here = pairs[1:] == turn
-        # A path is the direct one with the share of the power that it brings.
-        weaker = _weaker_share()[here, None]
-        density += (score[here] * (1.0 - weaker)).sum(axis=0)
-        density += np.roll((score[here] * weaker).sum(axis=0), turn)
+    # A path is the direct one with the share of the power that it brings.
+    weaker = _WEAKER_SHARE @ score.reshape(len(_PAIRS_DEG), len(_WEAKER_SHARE), 360)
+    density = score.sum(axis=0) - weaker.sum(axis=0)
+    for turn, share in zip(_PAIRS_DEG, weaker, strict=True):
+        density += np.roll(share, turn)
     return TwoPaths(
         gain=float(0.5 * pulses * np.log(one / many.min())),
         bearings_deg=(float(place[1]), float(np.remainder(place[1] + apart, 360))),
@@ -103,41 +106,21 @@ def two_paths(
     )
 
 
-def _shapes(
-    pattern: AntennaPattern, level_db: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Levels (shapes, 360) against bearing of the stronger path minus heading.
+@lru_cache(maxsize=8)
+def _powers(pattern: AntennaPattern) -> NDArray[np.float64]:
+    """Powers (shapes, 360) over the strongest, by bearing of the stronger path minus heading.
 
-    The first is that of one path. The second array holds the direction of the weaker path,
-    clockwise from the stronger one.
+    The first is that of one path; then pairs by direction of the weaker path, as in
+    `_PAIRS_DEG`, by its strength and by its phase.
     """
-    angles = np.arange(360.0)
-    amplitude = 10.0 ** (pattern.gain_db(angles) / 20.0)
-    apart = np.array([sign * turn for turn in _APART_DEG for sign in (1, -1)][:-1])
-    second = np.stack([np.roll(amplitude, -turn) for turn in apart])[:, None, None, :]
+    amplitude = 10.0 ** (pattern.gain_db(np.arange(360.0)) / 20.0)
+    second = np.stack([np.roll(amplitude, -turn) for turn in _PAIRS_DEG])[:, None, None, :]
     ratio = (10.0 ** (np.array(_WEAKER_DB) / 20.0))[None, :, None, None]
     cosine = np.array(_COSINES)[None, None, :, None]
     power = amplitude**2 + (ratio * second) ** 2 + 2.0 * ratio * cosine * amplitude * second
     every = np.concatenate([amplitude[None, :] ** 2, power.reshape(-1, 360)])
-    # The level stays what it was: a fit with two paths has the same strongest pulses.
-    every /= every.max(axis=1, keepdims=True)
-    turns = np.concatenate([[0], np.repeat(apart, len(_WEAKER_DB) * len(_COSINES))])
-    return 10.0 * np.log10(1.0 + 10.0 ** (level_db / 10.0) * every), turns
-
-
-def _weaker_share() -> NDArray[np.float64]:
-    """(shapes - 1,) share of the weaker path in the power of both, in the shapes' order."""
-    power = 10.0 ** (np.array(_WEAKER_DB) / 10.0)
-    of_one = np.repeat(power / (1.0 + power), len(_COSINES))
-    return np.tile(of_one, 2 * len(_APART_DEG) - 1)
+    return np.asarray(every / every.max(axis=1, keepdims=True))
 
 
 def _binned(heading: NDArray[np.intp], weight: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.bincount(heading, weight, 360), np.float64)
-
-
-def _correlated(
-    binned: NDArray[np.float64], shapes: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(shapes, 360): sum over headings h of binned[h] shapes[·, b - h]."""
-    return np.asarray(fft.irfft(fft.rfft(shapes, axis=1) * fft.rfft(binned), 360, axis=1))

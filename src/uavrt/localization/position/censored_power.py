@@ -6,7 +6,6 @@ miss is therefore replaced by its expected level below the threshold, and the fi
 interferer: their share is estimated at each place in the same way.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -44,15 +43,6 @@ class PowerFit:
     log_likelihood: _Floats
     level_db: _Floats
     exponent: _Floats
-
-    @classmethod
-    def joined(cls, parts: Sequence["PowerFit"]) -> "PowerFit":
-        """Join the fits of several parts of the places."""
-        return cls(
-            log_likelihood=np.concatenate([one.log_likelihood for one in parts]),
-            level_db=np.concatenate([one.level_db for one in parts]),
-            exponent=np.concatenate([one.exponent for one in parts]),
-        )
 
 
 def regression_sums(x: NDArray[np.floating], z: NDArray[np.floating]) -> _Floats:

@@ -118,7 +118,7 @@ def estimate_position(
 
 def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
     if stations is None and powers is None:
-        raise UsageError("neither bearings nor powers", remedy="Give one of them")
+        raise UsageError("bearings or powers are missing", remedy="Give either of them")
     if stations is not None:
         fields = [stations.latitude_deg, stations.longitude_deg, stations.bearing_deg]
         _check_lengths(
@@ -132,9 +132,11 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
             "powers", fields, [powers.snr_db, powers.yaw_deg, powers.time_s], finite=3
         )
         if np.count_nonzero(~np.isnan(powers.snr_db)) < 3:
-            raise UsageError("fewer than three powers", remedy="Fly nearer, or turn in place")
+            raise UsageError(
+                "fewer than three powers are given", remedy="Fly nearer, or turn in place"
+            )
         if powers.antenna is not None and powers.yaw_deg is None:
-            raise UsageError("a directional antenna without headings", remedy="Give yaw_deg")
+            raise UsageError("a directional antenna needs headings", remedy="Give yaw_deg")
         if stations is None and powers.antenna is None and _extent_m(powers) < LEAST_EXTENT_M:
             raise UsageError(
                 "signal strengths from one place give neither direction nor distance",
@@ -158,7 +160,8 @@ def _check_lengths(
         raise UsageError(f"the arrays of the {what} differ in length or are empty")
     if not all(np.all(np.isfinite(one)) for one in arrays[:finite]):
         raise UsageError(
-            f"a value of the {what} is not finite", remedy="Drop the ones without a place"
+            f"the {what} contain a value that is not finite",
+            remedy="Leave out those without a position",
         )
 
 

@@ -16,7 +16,7 @@ Follow = Literal["never", "contradicted", "always"]
 """When a path is computed: never; where the tag cannot rest; always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _RESTING_FADING_DB = 6.0
-_MOVES = "the tag moved, and its way is followed by bearings"
+_MOVES = "the tag moved; its path is estimated from bearings"
 """Fading that a way is sought with where the tag seems to rest: neighbours may fade alike."""
 _SURVEY_MARGIN = 0.25
 """Margin around a survey in which a walking tag is searched, as a share of its extent."""

@@ -93,11 +93,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 
 
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
-    """Median over all bearings of the medians of their intersections; None without any.
-
-    `as_original`: True counts every crossing of two lines; False only those ahead of both
-    antennas.
-    """
+    """Repeated median of the lines' crossings, as the original all of them; None without."""
     c, s = np.cos(rays.angle_rad), np.sin(rays.angle_rad)
     dx = rays.east_m[None, :] - rays.east_m[:, None]
     dy = rays.north_m[None, :] - rays.north_m[:, None]

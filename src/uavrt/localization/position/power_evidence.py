@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.lean_scipy import special
 from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
 from uavrt.localization.position.censored_power import (
@@ -64,15 +65,7 @@ class PowerTrack:
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
         """Some of the pulses."""
-        return replace(
-            self,
-            latitude_deg=self.latitude_deg[kept],
-            longitude_deg=self.longitude_deg[kept],
-            height_m=self.height_m[kept],
-            snr_db=self.snr_db[kept],
-            yaw_deg=None if self.yaw_deg is None else self.yaw_deg[kept],
-            time_s=None if self.time_s is None else self.time_s[kept],
-        )
+        return chosen_rows(self, kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,7 +93,7 @@ def fit_each(
         part = slice(start, start + together)
         seen = first.seen_from(east_m[part], north_m[part], first.used)
         fits.append([one.fitted(seen) for one in several])
-    return [PowerFit.joined(own) for own in zip(*fits, strict=True)]
+    return [joined_rows(own) for own in zip(*fits, strict=True)]
 
 
 class PowerEvidence:

@@ -50,13 +50,12 @@ class SignalSurface:
 
 
 def strongest_signal(track: PowerTrack, *, exponent: float = 2.5) -> StrongestSignal:
-    """Find the strongest place of a track, six pulses in a row averaged.
-
-    Raises `UsageError`: nothing was heard.
-    """
+    """Strongest place of a track, six pulses averaged; raises `UsageError` without pulses."""
     heard = np.flatnonzero(~np.isnan(track.snr_db))
     if not len(heard):
-        raise UsageError("nothing was heard", remedy="Fly nearer, or check the tag's frequency")
+        raise UsageError(
+            "no pulse was received", remedy="Fly nearer, or check the tag's frequency"
+        )
     mean = smoothed(track.snr_db[heard])
     top = int(np.argmax(mean))
     place = int(heard[top])
@@ -155,7 +154,6 @@ def signal_surface(track: PowerTrack) -> SignalSurface:
 
     The grid's spacing is half of that of the pulses, between a 300th and a 60th of the track's
     extent, a metre at least.
-
     Raises `UsageError`: the places do not span an area.
     """
     # The interpolator takes long to import, and only maps want it.

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.censored_power import lasting_correlation
 from uavrt.localization.position.common_errors import WALKING_M_S, WALKING_SHARE
@@ -81,13 +82,7 @@ class _Moved:
         return self.of(np.arange(len(self.since_s)) % step == 0)
 
     def of(self, kept: NDArray[np.bool_]) -> "_Moved":
-        return replace(
-            self,
-            east_m=self.east_m[kept],
-            north_m=self.north_m[kept],
-            since_s=self.since_s[kept],
-            track=self.track.chosen(kept),
-        )
+        return replace(chosen_rows(self, kept), track=self.track.chosen(kept))
 
     def evidence(self, velocity: tuple[float, float]) -> PowerEvidence:
         return PowerEvidence(

@@ -40,6 +40,12 @@ _STRAYS = 2.0
 """Distance by which an animal leaves its area, in standard deviations of its walk."""
 _UNHEARD_NATS, _CALMS_NATS = 0.7, 0.1
 """Largest effect of one unexplained pulse on the loss of track, and its decay with time."""
+_SWITCHING_PER_S = 0.005
+"""Rate of changes of motion: every three minutes or so."""
+_LOST_NATS = 12.0
+"""Log-probability deficit against chance at which hypotheses are renewed."""
+_PATHS = 4000
+"""Number of hypotheses whose paths are evaluated afterwards."""
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
@@ -178,6 +184,19 @@ class Spread:
         return float(np.sqrt(self.east_m2 + self.north_m2))
 
 
+def _spread(east_m: _Floats, north_m: _Floats, weight: _Floats) -> Spread:
+    east, north = float(weight @ east_m), float(weight @ north_m)
+    dx, dy = east_m - east, north_m - north
+    weighted = weight * dx
+    return Spread(
+        east_m=east,
+        north_m=north,
+        east_m2=float(weighted @ dx),
+        north_m2=float((weight * dy) @ dy),
+        product_m2=float(weighted @ dy),
+    )
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Particles:
     east_m: _Singles
@@ -215,51 +234,31 @@ class _Remembered:
     origin: NDArray[np.int32]
 
 
-class ParticleTracker:
-    """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
+class _Walk:
+    """How hypotheses begin, and how they walk.
 
     Three motions with transitions between them (interacting multiple models): resting, a random
-    walk, and a nearly constant velocity. Single precision: 0.5 ms for each pulse.
-
-    `prior`: area, strength, antenna, walk.
-    `rng`: the same seed gives the same track.
-    `particles`: number of hypotheses.
+    walk, and a nearly constant velocity.
     """
 
-    _SWITCHING_PER_S = 0.005
-    """Rate of changes of motion: every three minutes or so."""
-    _LOST_NATS = 12.0
-    """Log-probability deficit against chance at which hypotheses are renewed."""
-    _PATHS = 4000
-    """Number of hypotheses whose paths are evaluated afterwards."""
-
-    def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
-        self._prior, self._rng, self._count = prior, rng, particles
+    def __init__(self, prior: TagPrior, rng: Generator) -> None:
+        self._prior, self._rng = prior, rng
         self._external_exponent = (0.0, 0.0)
         """Precision, and mean times precision, of the exponent from other tags."""
-        self._state = self._fresh(particles)
-        self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
-        self._time_s: float | None = None
         self._since_s = 0.0
-        self._surprise = 0.0
-        self._remembered: list[_Remembered] = []
-        self._heard_from_m: tuple[float, float] | None = None
 
-    @property
-    def prior(self) -> TagPrior:
-        """The prior, before the flight."""
-        return self._prior
-
-    def _normal(self, count: int) -> _Singles:
+    def normal(self, count: int) -> _Singles:
+        """Draw normal numbers."""
         return self._rng.standard_normal(count, dtype=np.float32)
 
-    def _fresh(self, count: int) -> _Particles:
+    def fresh(self, count: int) -> _Particles:
+        """Hypotheses before any pulse."""
         prior, rng = self._prior, self._rng
         area = prior.area
         mode = self._modes(count)
         velocity = self._velocities(mode)
         middle, sigma = self._exponent_before()
-        exponent = middle + sigma * self._normal(count)
+        exponent = middle + sigma * self.normal(count)
         level, variance = prior.level_db, prior.level_sigma_db**2
         return _Particles(
             east_m=rng.uniform(area.west_m, area.east_m, count).astype(np.float32),
@@ -301,28 +300,23 @@ class ParticleTracker:
         moving = np.flatnonzero(mode == TRAVELLING)
         sigma = self._prior.travelling_m_s * float(np.sqrt(2.0 / np.pi))
         for axis in velocity:
-            axis[moving] = sigma * self._normal(len(moving))
+            axis[moving] = sigma * self.normal(len(moving))
         return velocity
 
-    def advance_to(self, time_s: float) -> None:
-        """Let the tag rest or walk until a time, which must not go back."""
-        step = 0.0 if self._time_s is None else max(0.0, time_s - self._time_s)
-        self._time_s = time_s
-        if step == 0.0:
-            return
-        state = self._state
-        self._drift(step)
-        self._switch(step)
+    def advance(self, state: _Particles, step: float) -> None:
+        """Let the tag rest or walk for a time [s]."""
+        self._drift(state, step)
+        self._switch(state, step)
         walk = self._prior.walking_m_per_root_s * float(np.sqrt(step))
         browsing = state.mode == BROWSING
         if walk > 0.0 and browsing.any():
             if browsing.all():
-                state.east_m += walk * self._normal(self._count)
-                state.north_m += walk * self._normal(self._count)
+                state.east_m += walk * self.normal(len(state.mode))
+                state.north_m += walk * self.normal(len(state.mode))
             else:
                 those = np.flatnonzero(browsing)
-                state.east_m[those] += walk * self._normal(len(those))
-                state.north_m[those] += walk * self._normal(len(those))
+                state.east_m[those] += walk * self.normal(len(those))
+                state.north_m[those] += walk * self.normal(len(those))
         those = np.flatnonzero(state.mode == TRAVELLING)
         if len(those):
             turning = self._prior.turning_m_s_per_root_s * float(np.sqrt(step))
@@ -331,20 +325,20 @@ class ParticleTracker:
                 (state.north_m, state.north_m_s),
             ):
                 place[those] += speed[those] * float(step)
-                speed[those] += turning * self._normal(len(those))
+                speed[those] += turning * self.normal(len(those))
         self._since_s += step
         prior, area = self._prior, self._prior.area
         strays = _STRAYS * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
         strays += 2.0 * prior.travelling_m_s * self._since_s
-        self._stay_about(state.east_m, area.west_m - strays, area.east_m + strays)
-        self._stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
+        _stay_about(state.east_m, area.west_m - strays, area.east_m + strays)
+        _stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
 
-    def _drift(self, step: float) -> None:
+    def _drift(self, state: _Particles, step: float) -> None:
         """Random walk of the strength about its learnt value, with a limit."""
         drift2 = self._prior.level_drift_db_per_root_s**2 * step
         if drift2 <= 0.0 or self._prior.level_sigma_db <= 0.0:
             return
-        state, most = self._state, self._prior.level_sigma_db**2
+        most = self._prior.level_sigma_db**2
         kept2 = max(0.0, 1.0 - drift2 / most)
         kept, usual = float(np.sqrt(kept2)), float(self._prior.level_db)
         state.mean_db = usual + kept * (state.mean_db - usual)
@@ -352,24 +346,130 @@ class ParticleTracker:
         if state.loss_error.shape[1]:
             state.loss_error[:, 2] *= kept
 
-    def _stay_about(self, place: _Singles, least: float, most: float) -> None:
-        """Turn back those that would leave the area farther than an animal walks by now."""
-        if float(place.min()) < least:
-            np.copyto(place, 2.0 * least - place, where=place < least)
-        if float(place.max()) > most:
-            np.copyto(place, 2.0 * most - place, where=place > most)
-
-    def _switch(self, step: float) -> None:
+    def _switch(self, state: _Particles, step: float) -> None:
         """Change the motion of some hypotheses."""
         if max(self._prior.motion) >= sum(self._prior.motion):
             return
-        state = self._state
-        chance = 1.0 - float(np.exp(-self._SWITCHING_PER_S * step))
-        those = self._rng.choice(self._count, self._rng.binomial(self._count, chance), False)
+        count = len(state.mode)
+        chance = 1.0 - float(np.exp(-_SWITCHING_PER_S * step))
+        those = self._rng.choice(count, self._rng.binomial(count, chance), False)
         mode = self._modes(len(those))
         velocity = self._velocities(mode)
         state.mode[those] = mode
         state.east_m_s[those], state.north_m_s[those] = velocity
+
+    def learn_exponent(self, precision: float, weighted: float) -> None:
+        """Begin with what is known of the exponent from other tags, too."""
+        known, before = self._external_exponent
+        self._external_exponent = (known + precision, before + weighted)
+
+    def _exponent_before(self) -> tuple[float, float]:
+        """Mean and standard deviation of the exponent without the tag's own pulses."""
+        prior = self._prior
+        if prior.exponent_sigma == 0.0:
+            return prior.exponent, 0.0
+        known, weighted = self._external_exponent
+        own = 1.0 / prior.exponent_sigma**2
+        precision = own + known
+        return (own * prior.exponent + weighted) / precision, float(np.sqrt(1.0 / precision))
+
+    def resampled(self, state: _Particles, weight: _Singles, count: int) -> _Particles:
+        """Systematic resampling, with Silverman's smoothing to separate copies."""
+        chosen = state.chosen(_comb(weight, (np.arange(count) + self._rng.random()) / count))
+        bandwidth = 0.5 * count ** (-1.0 / 6.0)
+        # Shrunk towards the mean by as much as the smoothing widens.
+        shrink = float(np.sqrt(1.0 - bandwidth**2 * 0.25))
+        for axis in ("east_m", "north_m"):
+            value = getattr(state, axis)
+            mean = float(weight @ value)
+            sigma = float(np.sqrt(weight @ (value - mean) ** 2))
+            smooth = (0.5 * bandwidth * sigma) * self.normal(count)
+            setattr(chosen, axis, mean + shrink * (getattr(chosen, axis) - mean) + smooth)
+        moving = np.flatnonzero(chosen.mode == TRAVELLING)
+        for velocity in (chosen.east_m_s, chosen.north_m_s):
+            velocity[moving] += 0.02 * self.normal(len(moving))
+        if self._prior.exponent_sigma > 0.0:
+            chosen.exponent = self._plausible(chosen.exponent + 0.03 * self.normal(count))
+        return chosen
+
+
+def _stay_about(place: _Singles, least: float, most: float) -> None:
+    """Turn back those that would leave the area farther than an animal walks by now."""
+    if float(place.min()) < least:
+        np.copyto(place, 2.0 * least - place, where=place < least)
+    if float(place.max()) > most:
+        np.copyto(place, 2.0 * most - place, where=place > most)
+
+
+def _comb(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
+    """Find the hypotheses at some places, 0 to 1, of the sum of all weights."""
+    return np.minimum(np.searchsorted(np.cumsum(weight), places), len(weight) - 1)
+
+
+class _Past:
+    """Where the hypotheses were at some times; each has its own past."""
+
+    def __init__(self) -> None:
+        self._remembered: list[_Remembered] = []
+
+    def remember(self, state: _Particles) -> None:
+        """Remember the hypotheses' present places."""
+        self._remembered.append(
+            _Remembered(
+                east_m=state.east_m.copy(), north_m=state.north_m.copy(), origin=state.origin
+            )
+        )
+        state.origin = np.arange(len(state.mode), dtype=np.int32)
+
+    def trail(self, state: _Particles, kept: NDArray[np.intp]) -> list[TrackEstimate | None]:
+        """Estimates of the tag's place at each remembered time, by the hypotheses kept."""
+        found: list[TrackEstimate | None] = []
+        level = state.mean_db[kept]
+        index = state.origin[kept]
+        for then in reversed(self._remembered):
+            traced = np.flatnonzero(index >= 0)
+            past = index[traced]
+            weight = np.full(len(traced), 1.0 / max(1, len(traced)))
+            found.append(
+                _estimate(then.east_m[past], then.north_m[past], level[traced], weight)
+                if len(traced)
+                else None
+            )
+            index = np.where(index >= 0, then.origin[np.maximum(index, 0)], -1)
+        return found[::-1]
+
+
+class ParticleTracker:
+    """Ten thousand hypotheses of a tag that rests, browses or travels, each with its strength.
+
+    Single precision: 0.5 ms for each pulse.
+
+    `prior`: area, strength, antenna, walk.
+    `rng`: the same seed gives the same track.
+    `particles`: number of hypotheses.
+    """
+
+    def __init__(self, prior: TagPrior, rng: Generator, *, particles: int = 10_000) -> None:
+        self._prior, self._rng, self._count = prior, rng, particles
+        self._walk = _Walk(prior, rng)
+        self._state = self._walk.fresh(particles)
+        self._weight: _Singles = np.full(particles, 1.0 / particles, np.float32)
+        self._time_s: float | None = None
+        self._surprise = 0.0
+        self._past = _Past()
+        self._heard_from_m: tuple[float, float] | None = None
+
+    @property
+    def prior(self) -> TagPrior:
+        """The prior, before the flight."""
+        return self._prior
+
+    def advance_to(self, time_s: float) -> None:
+        """Let the tag rest or walk until a time, which must not go back."""
+        step = 0.0 if self._time_s is None else max(0.0, time_s - self._time_s)
+        self._time_s = time_s
+        if step > 0.0:
+            self._walk.advance(self._state, step)
 
     def listen(self, heard: Listening, *, elsewhere: float = 0.0) -> Expectation:
         """Update with a pulse or a miss; returns the expectation before it.
@@ -378,7 +478,11 @@ class ParticleTracker:
         by chance.
         """
         state, prior = self._state, self._prior
-        self._look_from(heard)
+        error = LossError.of_columns(state.loss_error)
+        if error is not None:  # decorrelated by the drone's movement since the last pulse
+            here = float(heard.east_m), float(heard.north_m)
+            state.loss_error = error.after(self._heard_from_m, here).columns()
+            self._heard_from_m = here
         level, expected, scatter_db, behind = self._expected(heard)
         mean = float(self._weight @ expected)
         variance = float(self._weight @ (expected - mean) ** 2) + prior.fading_db**2
@@ -420,14 +524,6 @@ class ParticleTracker:
             behind=behind,
         )
         return float(self._weight @ np.exp(both))
-
-    def _look_from(self, heard: Listening) -> None:
-        """Decorrelate the ground model's error by the drone's movement since the last pulse."""
-        error = LossError.of_columns(self._state.loss_error)
-        if error is not None:
-            here = float(heard.east_m), float(heard.north_m)
-            self._state.loss_error = error.after(self._heard_from_m, here).columns()
-            self._heard_from_m = here
 
     def _expected(
         self, heard: Listening
@@ -482,21 +578,10 @@ class ParticleTracker:
         `precision`: one over its variance.
         `weighted`: its mean times the precision.
         """
-        known, before = self._external_exponent
-        self._external_exponent = (known + precision, before + weighted)
+        self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)
         self._spread_out()
-
-    def _exponent_before(self) -> tuple[float, float]:
-        """Mean and standard deviation of the exponent without the tag's own pulses."""
-        prior = self._prior
-        if prior.exponent_sigma == 0.0:
-            return prior.exponent, 0.0
-        known, weighted = self._external_exponent
-        own = 1.0 / prior.exponent_sigma**2
-        precision = own + known
-        return (own * prior.exponent + weighted) / precision, float(np.sqrt(1.0 / precision))
 
     def estimate(self) -> TrackEstimate:
         """Estimate of the tag's place."""
@@ -510,13 +595,7 @@ class ParticleTracker:
 
     def remember(self) -> None:
         """Remember the hypotheses' present places, for `trail`."""
-        state = self._state
-        self._remembered.append(
-            _Remembered(
-                east_m=state.east_m.copy(), north_m=state.north_m.copy(), origin=state.origin
-            )
-        )
-        state.origin = np.arange(self._count, dtype=np.int32)
+        self._past.remember(self._state)
 
     def trail(self) -> list[TrackEstimate | None]:
         """Estimates of the tag's place at each remembered time, by all data until now.
@@ -525,40 +604,17 @@ class ParticleTracker:
         of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
         which all hypotheses were replaced.
         """
-        kept = self._comb((np.arange(self._PATHS) + 0.5) / self._PATHS)
-        found: list[TrackEstimate | None] = []
-        level = self._state.mean_db[kept]
-        index = self._state.origin[kept]
-        for then in reversed(self._remembered):
-            traced = np.flatnonzero(index >= 0)
-            past = index[traced]
-            weight = np.full(len(traced), 1.0 / max(1, len(traced)))
-            found.append(
-                _estimate(then.east_m[past], then.north_m[past], level[traced], weight)
-                if len(traced)
-                else None
-            )
-            index = np.where(index >= 0, then.origin[np.maximum(index, 0)], -1)
-        return found[::-1]
+        kept = _comb(self._weight, (np.arange(_PATHS) + 0.5) / _PATHS)
+        return self._past.trail(self._state, kept)
 
     def spread(self) -> Spread:
         """Spread of the hypotheses."""
-        state, weight = self._state, self._weight
-        east, north = float(weight @ state.east_m), float(weight @ state.north_m)
-        dx, dy = state.east_m - east, state.north_m - north
-        weighted = weight * dx
-        return Spread(
-            east_m=east,
-            north_m=north,
-            east_m2=float(weighted @ dx),
-            north_m2=float((weight * dy) @ dy),
-            product_m2=float(weighted @ dy),
-        )
+        return _spread(self._state.east_m, self._state.north_m, self._weight)
 
     def hypotheses(self, count: int) -> Hypotheses:
         """A few hypotheses, drawn evenly from all without chance."""
         state = self._state
-        index = self._comb((np.arange(count) + 0.5) / count)
+        index = _comb(self._weight, (np.arange(count) + 0.5) / count)
         walk = self._prior.walking_m_per_root_s
         return Hypotheses(
             east_m=state.east_m[index],
@@ -579,13 +635,10 @@ class ParticleTracker:
         count = round(share * self._count)
         those = self._rng.choice(self._count, count, replace=False)
         kept = np.setdiff1d(np.arange(self._count), those)
-        whole = self._resampled(self._count)
-        fresh = self._fresh(count)
+        whole = self._walk.resampled(self._state, self._weight, self._count)
+        fresh = self._walk.fresh(count)
         self._state = whole.chosen(kept).joined(fresh)
         self._even()
-
-    def _comb(self, places: _Floats) -> NDArray[np.intp]:
-        return np.minimum(np.searchsorted(np.cumsum(self._weight), places), self._count - 1)
 
     def _even(self) -> None:
         self._weight = np.full(self._count, 1.0 / self._count, np.float32)
@@ -604,39 +657,20 @@ class ParticleTracker:
         Renew them when it is too large, else resample them where few hold most of the weight.
         """
         self._surprise = max(0.0, self._surprise + nats)
-        if self._surprise > self._LOST_NATS:
+        if self._surprise > _LOST_NATS:
             self._renew()
         else:
             self._spread_out()
 
     def _spread_out(self) -> None:
         if 1.0 / float(self._weight @ self._weight) < self._count / 2:
-            self._state = self._resampled(self._count)
+            self._state = self._walk.resampled(self._state, self._weight, self._count)
             self._even()
-
-    def _resampled(self, count: int) -> _Particles:
-        """Systematic resampling, with Silverman's smoothing to separate copies."""
-        state, weight = self._state, self._weight
-        chosen = state.chosen(self._comb((np.arange(count) + self._rng.random()) / count))
-        bandwidth = 0.5 * count ** (-1.0 / 6.0)
-        # Shrunk towards the mean by as much as the smoothing widens.
-        shrink = float(np.sqrt(1.0 - bandwidth**2 * 0.25))
-        for axis in ("east_m", "north_m"):
-            value = getattr(state, axis)
-            mean = float(weight @ value)
-            sigma = float(np.sqrt(weight @ (value - mean) ** 2))
-            smooth = (0.5 * bandwidth * sigma) * self._normal(count)
-            setattr(chosen, axis, mean + shrink * (getattr(chosen, axis) - mean) + smooth)
-        moving = np.flatnonzero(chosen.mode == TRAVELLING)
-        for velocity in (chosen.east_m_s, chosen.north_m_s):
-            velocity[moving] += 0.02 * self._normal(len(moving))
-        if self._prior.exponent_sigma > 0.0:
-            chosen.exponent = self._plausible(chosen.exponent + 0.03 * self._normal(count))
-        return chosen
 
     def _renew(self) -> None:
         """Restart half of the hypotheses: the tag is not where they were."""
         half = self._count // 2
-        self._state = self._resampled(self._count - half).joined(self._fresh(half))
+        kept = self._walk.resampled(self._state, self._weight, self._count - half)
+        self._state = kept.joined(self._walk.fresh(half))
         self._surprise = 0.0
         self._even()

@@ -1,4 +1,5 @@
 """Planners, found by name in `registry`.
 
-`mi_rate` is ours; `approach`, `joint`, `published`, `surveys` and `tangents` were published.
+`mi_rate` is ours; `ways` and `tangents` give its candidate paths. The published ones are in
+`uavrt_experiments.search.baselines`.
 """

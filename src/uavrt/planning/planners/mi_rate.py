@@ -1,13 +1,16 @@
 """Our planner: the path with the most information per second on all tags still wanted.
 
-Ways of several lengths in sixteen directions, to each tag, past it on both sides, and a turn
-in place are weighed. What a tag is worth is held at what it still needs until it is found: ways
-that give more information on a tag than is wished for gain nothing by it.
+Rates paths of several lengths in sixteen directions, to each tag, past it on both sides, and a
+turn in place. A tag's value is limited to the information still needed to find it: paths that
+give more gain nothing.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import chosen_rows, joined_rows
 from uavrt.planning.actions import Action, Hold, Rotate
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.information import information_nats
@@ -18,43 +21,51 @@ from uavrt.planning.planners.ways import (
     headings,
     here,
     sampled,
-    some_of,
-    stacked,
     turning,
 )
-from uavrt.planning.situation import Candidate, Decision, Situation, summary
+from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
-_SAMPLES = 8
-"""Of each way; each stands for the pulses around it."""
-_TURN_S = 2.0
-"""Before a way of the round, roughly."""
-_FINISHED = 0.1
-"""Share of what a tag needs below which the round passes it."""
-_DIRECTIONS = 16
-"""Number of evenly spread directions of paths that lead to no tag."""
-_HORIZONS = (1.0, 3.0)
-"""Lengths of the paths that lead to no tag [cycles]."""
-_HYPOTHESES = 48
-"""Number of hypotheses of each tag by which a path is rated."""
-_CONVEX, _LINEAR = 8.0, 0.002
-"""Value of a path: this power of the share of the needed information that it gives, plus this
-factor times the share. Finishing one tag then counts for more than beginning two; the
-second term decides while no tag is nearly found."""
-_STAY_S = 4.0
-"""Time spent at the end of a path to a tag [s]."""
-_EXPLORE_NATS = 2.5
-"""All directions and a turn are rated while every tag needs more information than this."""
-_CONSTANCY = 0.15
-"""Share by which another tag must give a higher rate than the present one before the drone
-changes to it, while it keeps away from animals or drones; each refused path changes rates."""
-_LISTENS_NATS = 1.5
-"""Least information on an animal that may be near for which alone a turn is made."""
-_NEAR = 0.25
-"""Lowest probability of a near animal at which the drone leaves instead of turning."""
-_VAGUE = 1.5
-"""Factor on the distance to keep: a turn locates only tags whose clouds are wider."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PathRating:
+    """Constants by which candidate paths are made and rated."""
+
+    samples: int = 8
+    """Points of a path; each stands for the pulses around it."""
+    directions: int = 16
+    """Number of evenly spread directions of paths that lead to no tag."""
+    horizons_cycles: tuple[float, ...] = (1.0, 3.0)
+    """Lengths of the paths that lead to no tag [cycles]."""
+    hypotheses: int = 48
+    """Number of hypotheses of each tag by which a path is rated."""
+    turn_s: float = 2.0
+    """Approximate time to turn before a path of the round [s]."""
+    stay_s: float = 4.0
+    """Time spent at the end of a path to a tag [s]."""
+    finished_share: float = 0.1
+    """Share of the information that a tag needs below which the round passes it."""
+    # Value of a path: a power of the share of the needed information that it gives, plus a
+    # factor times the share. Finishing one tag then counts for more than beginning two; the
+    # second term decides while no tag is nearly found.
+    value_power: float = 8.0
+    value_linear: float = 0.002
+    explore_nats: float = 2.5
+    """All directions and a turn are rated while every tag needs more information than this."""
+    change_gain: float = 0.15
+    """Share by which the rate of another tag must be higher before the drone changes to it,
+    while it keeps away from animals or drones; each refused path changes rates."""
+    turn_nats: float = 1.5
+    """Least information on an animal that may be near for which alone a turn is made."""
+    near_probability: float = 0.25
+    """Lowest probability of a near animal at which the drone leaves instead of turning."""
+    vague_factor: float = 1.5
+    """Factor on the distance to keep: a turn locates only tags whose clouds are wider."""
+
+
+_RATING = _PathRating()
 
 
 class MiRate:
@@ -72,7 +83,7 @@ class MiRate:
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
+        """Decide by the interface of `Planner`."""
         if not situation.wanted:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)
@@ -92,7 +103,7 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Choose among the ways that are allowed, and the turn that comes last."""
+        """Choose among the allowed paths, and the turn, which comes last."""
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -101,7 +112,7 @@ class MiRate:
             return self._away(situation, ways)
         rate = np.full(len(spans), np.nan)
         weighed = np.flatnonzero(allowed)
-        legs, spans_s = some_of(legs, weighed), spans[weighed]
+        legs, spans_s = chosen_rows(legs, weighed), spans[weighed]
         nats = self._nats(situation, legs)
         gives = self._worth(situation, nats, spans_s)
         chance = np.array([one.existence_probability for one in wanted])
@@ -110,7 +121,7 @@ class MiRate:
             rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
         goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
         alone = situation.keep_away is None and situation.others is None
-        more = 0.0 if alone else _CONSTANCY
+        more = 0.0 if alone else _RATING.change_gain
         kept = rate * np.where(goes_on, 1.0 + more, 1.0)
         best = int(np.argmax(np.where(allowed, kept, -np.inf)))
         self._goal = goals[best]
@@ -129,17 +140,16 @@ class MiRate:
             for action, span, value, why in zip(actions, spans, rate, refused, strict=False)
         )
         most = int(np.argmax(chance * gives[:, of_best]))
+        against = "; ".join(sorted({why for why in refused if why is not None}))
         return Decision(
             action=actions[best],
-            reason=(
-                f"{nats[most, of_best]:.1f} nats about tag {wanted[most].tag_id} in "
-                f"{spans[best]:.0f} s; in all {rate[best]:.3f}/s; " + summary(candidates)
-            ),
+            reason=f"to learn more about tag {wanted[most].tag_id}"
+            + (f"; other paths were refused: {against}" if against else ""),
             candidates=candidates,
         )
 
     def _worth(self, situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-        """(tags, ways) share of what each tag still needs that each way gives."""
+        """(tags, ways) share of each tag's needed information that each path gives."""
         out = np.empty_like(nats)
         for number, belief in enumerate(situation.wanted):
             needed = situation.stop.needed_nats(belief)
@@ -149,7 +159,9 @@ class MiRate:
             after = (cloud.east_m2 + grown) * (cloud.north_m2 + grown) - cloud.product_m2**2
             lost = 0.5 * np.log(after / max(cloud.determinant_m4, 1.0))
             share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
-            out[number] = np.maximum(share, 0.0) ** _CONVEX + _LINEAR * share
+            out[number] = (
+                np.maximum(share, 0.0) ** _RATING.value_power + _RATING.value_linear * share
+            )
         return out
 
     def _with_round(
@@ -160,9 +172,9 @@ class MiRate:
         worth: _Floats,
         spans_s: _Floats,
     ) -> _Floats:
-        """(ways,) the same over each way and a round of all tags from its end.
+        """(ways,) the same over each path and a following round of all tags.
 
-        The round goes to the nearest tag each time, past those that the way itself finishes.
+        The round goes to the nearest tag each time, skipping those finished on the path itself.
         """
         places = [one.spread() for one in situation.wanted]
         tags_x = np.array([one.east_m for one in places])
@@ -170,7 +182,7 @@ class MiRate:
         rule, speed = situation.keep_away, situation.vehicle.speed_m_s
         nearer = 0.0 if rule is None else rule.margin * rule.radius_m
         left = chance[:, None] * (1.0 - np.clip(worth, 0.0, 1.0))
-        seen = left < _FINISHED
+        seen = left < _RATING.finished_share
         x, y = legs.east_m[:, -1], legs.north_m[:, -1]
         gained, time = chance @ worth, spans_s
         ways = np.arange(len(spans_s))
@@ -180,7 +192,7 @@ class MiRate:
             near = np.argmin(off, axis=0)
             goes = ~seen[near, ways]
             there = np.maximum(np.where(goes, off[near, ways], 0.0) - nearer, 0.0) / speed
-            time = time + np.where(goes, there + _STAY_S + _TURN_S, 0.0)
+            time = time + np.where(goes, there + _RATING.stay_s + _RATING.turn_s, 0.0)
             gained = gained + np.where(goes, left[near, ways], 0.0)
             x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
             seen[near, ways] = True
@@ -189,12 +201,12 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[Ways, _Floats, Legs, list[int | None]]:
-        """Candidates, their times, samples, and tags they go to; a turn in place comes last."""
+        """Candidate paths, their times, samples, and target tags; the turn comes last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
-        horizons = _HORIZONS if exploring else ()
-        ends = [headings(situation, _DIRECTIONS, reach * n) for n in horizons]
-        goals: list[int | None] = [None] * (_DIRECTIONS * len(horizons))
+        horizons = _RATING.horizons_cycles if exploring else ()
+        ends = [headings(situation, _RATING.directions, reach * n) for n in horizons]
+        goals: list[int | None] = [None] * (_RATING.directions * len(horizons))
         for belief in situation.wanted:
             towards = self._towards(situation, belief)
             ends += towards
@@ -204,7 +216,7 @@ class MiRate:
         useful = far > 0.2 * reach
         if not exploring and not useful.any():
             # At the only tag: on, in whatever direction.
-            more = headings(situation, _DIRECTIONS, reach)
+            more = headings(situation, _RATING.directions, reach)
             east, north = np.append(east, more[0]), np.append(north, more[1])
             goals += [None] * len(more[0])
             useful = np.append(useful, np.ones(len(more[0]), bool))
@@ -215,12 +227,12 @@ class MiRate:
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
         # At a tag it stays for some pulses: the last metres give most.
-        fixed = _DIRECTIONS * len(horizons)
-        staying = np.where(np.flatnonzero(useful) >= fixed, _STAY_S, 0.0)
+        fixed = _RATING.directions * len(horizons)
+        staying = np.where(np.flatnonzero(useful) >= fixed, _RATING.stay_s, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
-        legs = sampled(situation, east, north, spans, _SAMPLES)
+        legs = sampled(situation, east, north, spans, _RATING.samples)
         if exploring and self._turns(situation):
-            legs = stacked(legs, turning(state, 360.0, self._rotation_s, _SAMPLES))
+            legs = joined_rows([legs, turning(state, 360.0, self._rotation_s, _RATING.samples)])
             spans = np.append(spans, self._rotation_s)
         goals = [one for one, fits in zip(goals, useful, strict=True) if fits]
         return ways, spans, legs, goals + [None] * (len(spans) - len(goals))
@@ -228,7 +240,7 @@ class MiRate:
     def _towards(
         self, situation: Situation, belief: TagBelief
     ) -> list[tuple[_Floats, _Floats]]:
-        """Ends of ways to a tag and past it on both sides; round a wide cloud, too."""
+        """Ends of paths to a tag and past it on both sides; around a wide cloud, too."""
         state, rule, place = situation.state, situation.keep_away, belief.spread()
         start, middle = (state.east_m, state.north_m), (place.east_m, place.north_m)
         if rule is None:
@@ -242,88 +254,89 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """Whether no tag is near its end: then ways in all directions are weighed.
+        """True while no tag is close to its target accuracy; paths then cover all directions.
 
-        Else ways to the tags alone are: a way past many tags promises a little of each, time
-        and again, while they walk and none is ever finished.
+        Otherwise only paths to the tags count: a path past many tags promises a little of each,
+        again and again, while they walk and none is finished.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
-        return needed > _EXPLORE_NATS
+        return needed > _RATING.explore_nats
 
     def _may_stay(self, situation: Situation) -> bool:
         return here(situation).refused[0] is None
 
     def _away(self, situation: Situation, ways: Ways) -> Decision:
-        """No way is allowed: the one that disturbs least, if the area allows any."""
-        stays = self._stays(situation, len(ways.kept))
+        """Choose the least disturbing path when none is allowed, if the area allows any."""
+        stays = self._stays(situation)
         if stays is not None:
             return stays
         inside = np.array([_by_animals(one) for one in ways.refused])
         if not inside.any():
             return Decision(
-                action=Hold(duration_s=situation.cycle_s), reason="no way is allowed at all"
+                action=Hold(duration_s=situation.cycle_s), reason="no path is allowed"
             )
         best = int(np.argmax(np.where(inside, ways.kept, -1.0)))
         return Decision(
             action=ways.action(best),
-            reason=(
-                "an animal may be near on every way; on this one least: probability "
-                f"{1.0 - ways.kept[best]:.2f}, {len(ways.kept)} candidates"
-            ),
+            reason="an animal may be near on every path: this is the safest",
         )
 
-    def _stays(self, situation: Situation, count: int) -> Decision | None:
-        """Wait where it may stay; turn where an animal may be near but hardly is.
+    def _stays(self, situation: Situation) -> Decision | None:
+        """Wait where it may stay; turn if an animal may be near but hardly is.
 
-        Where little is known of an animal every way leads as probably to it as away from it,
-        and a turn shows which: later there is no time, it may walk to the drone.
+        Without knowledge of an animal every path leads to it as likely as away from it. A turn
+        locates it in time, before it walks to the drone.
         """
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
                 action=Hold(duration_s=situation.cycle_s),
-                reason=f"none of {count} ways keeps the distance: waiting",
+                reason="every path leads too close to an animal",
             )
         near = 1.0 - float(stay.kept[0])
-        if not _by_animals(stay.refused[0]) or near > _NEAR or not self._turns(situation):
+        if (
+            not _by_animals(stay.refused[0])
+            or near > _RATING.near_probability
+            or not self._turns(situation)
+        ):
             return None
         rule = situation.keep_away
         assert rule is not None
-        turn = turning(situation.state, 360.0, self._rotation_s, _SAMPLES)
+        turn = turning(situation.state, 360.0, self._rotation_s, _RATING.samples)
         clouds = np.array([one.spread().rms_m for one in situation.wanted])
-        vague = clouds > _VAGUE * rule.margin * rule.radius_m
+        vague = clouds > _RATING.vague_factor * rule.margin * rule.radius_m
         nats = np.where(vague, self._nats(situation, turn)[:, 0], 0.0)
         most = int(np.argmax(nats))
-        if nats[most] < _LISTENS_NATS:
+        if nats[most] < _RATING.turn_nats:
             return None
         return Decision(
             action=Rotate(duration_s=self._rotation_s),
-            reason=(
-                f"none of {count} ways keeps the distance, an animal may be near with "
-                f"{near:.2f}: listening first, {nats[most]:.1f} nats about tag "
-                f"{situation.wanted[most].tag_id}"
-            ),
+            reason=f"to locate tag {situation.wanted[most].tag_id}, which may be near, first",
         )
 
     def _turns(self, situation: Situation) -> bool:
-        """Whether a turn in place gives information, and can be made."""
+        """True if a turn in place gives information and is possible."""
         directional = any(one.prior.pattern is not None for one in situation.wanted)
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
     def _nats(self, situation: Situation, legs: Legs) -> _Floats:
-        """(tags, ways) information on each tag that is wanted, beyond what others will hear."""
+        """(tags, ways) information on each wanted tag, beyond that of other drones."""
         drones = situation.others
         others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(
-            situation.wanted, legs, situation.listener, hypotheses=_HYPOTHESES, others=others
+            situation.wanted,
+            legs,
+            situation.listener,
+            hypotheses=_RATING.hypotheses,
+            others=others,
         )
 
 
 def _by_animals(refused: str | None) -> bool:
-    """Whether only an animal speaks against a way, if anything does."""
+    """True for paths that only an animal excludes."""
     return refused is None or "animal" in refused
 
 
 def _by_animals_only(refused: str | None) -> bool:
-    """Whether a way is refused, and by an animal."""
+    """True if a path is refused because of an animal only."""
     return refused is not None and "animal" in refused

@@ -1,6 +1,6 @@
 """Planners by name, including those that installed packages add.
 
-An entry of the group ``uavrt.planners`` is called without arguments and gives a `Planner`.
+An entry of the group ``uavrt.planners`` is called without arguments and returns a `Planner`.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
 
 
 def planner_named(name: str) -> Planner:
-    """A new planner of that name; raises `UsageError` if there is none."""
+    """Make the planner of that name; raises `UsageError` for an unknown one."""
     if name not in PLANNERS:
         raise UsageError(
             f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"

@@ -14,30 +14,30 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ways:
-    """Straight ways from where the drone is."""
+    """Straight paths from the drone's position."""
 
     east_m: _Floats
-    """(ways,) where each ends."""
+    """(ways,) end of each."""
     north_m: _Floats
     refused: list[str | None]
-    """Why each may not be flown."""
+    """Why each may not be flown; None if it may."""
     kept: _Floats
-    """(ways,) probability that the animals are kept away from, of the tag in most danger."""
+    """(ways,) probability of keeping the distance from the most endangered animal."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """(ways,) which may be flown."""
+        """True for the paths that may be flown, (ways,)."""
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """The way as an action."""
+        """Convert a path to an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 
 def headings(
     situation: Situation, count: int, distance_m: float, *, first_deg: float = 0.0
 ) -> tuple[_Floats, _Floats]:
-    """Ends of ways of one length in evenly spread directions."""
+    """Ends of paths of one length in evenly spread directions."""
     angle = np.radians(first_deg + np.arange(count) * 360.0 / count)
     state = situation.state
     return (
@@ -49,10 +49,10 @@ def headings(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> Ways:
-    """Look which ways the area and the rule of keeping away allow.
+    """Check which paths the area and the distance to animals allow.
 
-    `east_m`, `north_m` (ways,): their ends.
-    `stays_s`: at the end, of which the same is asked.
+    `east_m`, `north_m` (ways,): ends. `stays_s`: time at the end, to which the same limits
+    apply.
     """
     state = situation.state
     here = (state.east_m, state.north_m)
@@ -82,9 +82,9 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths that come too near to those of other drones.
+    """Refuse paths that come too close to those of other drones.
 
-    For drones that are too near already, only paths that bring them nearer are refused.
+    For drones that are too close already, only paths that bring them closer are refused.
     """
     others, state = situation.others, situation.state
     if others is None or not others.strips:
@@ -94,14 +94,14 @@ def _near_others(
     place = np.array([state.east_m]), np.array([state.north_m])
     now = float(others.strips_apart_m(start, *place)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
-    reason = f"within {apart.distance_m:.0f} m of another drone's way"
+    reason = f"within {apart.distance_m:.0f} m of another drone's path"
     return [
         one or (reason if off < least else None) for one, off in zip(refused, near, strict=True)
     ]
 
 
 def here(situation: Situation) -> Ways:
-    """Staying where the drone is for a cycle."""
+    """Stay in place for a cycle."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -110,9 +110,9 @@ def here(situation: Situation) -> Ways:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse ways of a drone that turns on circles by the ways that it would fly.
+    """Refuse paths of a fixed wing by the curves that it would actually fly.
 
-    After each there must be room for a circle, to either side: else it could not turn back.
+    At the end of each there must be room for a circle on either side to turn back.
     """
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
@@ -129,7 +129,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Whether no whole circle fits in at the end of a cycle on this way, nor at its end."""
+    """True if no whole circle fits at the end of a cycle on this path, nor at its end."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -149,7 +149,7 @@ def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
 def sampled(
     situation: Situation, east_m: _Floats, north_m: _Floats, spans_s: _Floats, samples: int
 ) -> Legs:
-    """Ways at the middles of equal shares of their times (ways,)."""
+    """Paths (ways,), sampled at the middles of equal shares of their times."""
     shares = (np.arange(samples) + 0.5) / samples
     return situation.vehicle.along(
         situation.state, east_m, north_m, situation.wind, spans_s[:, None] * shares
@@ -157,7 +157,7 @@ def sampled(
 
 
 def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
-    """A turn in place, sampled like ways."""
+    """A turn in place, sampled like paths."""
     shares = (np.arange(samples) + 0.5) / samples
     return Legs(
         duration_s=np.array([duration_s]),
@@ -169,26 +169,11 @@ def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: in
 
 
 def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
-    """Those of some ways with these numbers."""
+    """Select paths by index."""
     return Legs(
         duration_s=legs.duration_s[numbers],
         time_s=legs.time_s[numbers],
         east_m=legs.east_m[numbers],
         north_m=legs.north_m[numbers],
         yaw_deg=legs.yaw_deg[numbers],
-    )
-
-
-def stacked(*legs: Legs) -> Legs:
-    """Several sets of ways of equally many samples as one."""
-
-    def joined(name: str) -> _Floats:
-        return np.concatenate([getattr(one, name) for one in legs])
-
-    return Legs(
-        duration_s=joined("duration_s"),
-        time_s=joined("time_s"),
-        east_m=joined("east_m"),
-        north_m=joined("north_m"),
-        yaw_deg=joined("yaw_deg"),
     )

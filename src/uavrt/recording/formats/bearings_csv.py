@@ -54,10 +54,7 @@ class BearingRow:
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
-    """Read a bearings.csv, or bearings noted by hand; raises `FormatError` if damaged.
-
-    Empty and ``#`` lines are skipped.
-    """
+    """Read a bearings.csv or noted bearings without comments; raises `FormatError`."""
     rows = []
     names: list[str] = []
     for number, line in enumerate(with_commas(read_lines(path)), start=1):
@@ -136,7 +133,6 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
     """Write a bearings.csv, whole or not at all.
 
     It replaces all lines of the tags and parent files written and keeps the others.
-
     Raises `FormatError` if the existing file is no bearings.csv, or a name holds a comma;
     `RecordingError` if it cannot be written.
     """

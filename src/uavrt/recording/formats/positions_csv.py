@@ -59,11 +59,7 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
 
 
 def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow]) -> None:
-    """Write a positions.csv, whole or not at all; the same tag and file are replaced.
-
-    Raises `FormatError` if the existing file is no positions.csv; `RecordingError` if it cannot
-    be written.
-    """
+    """Write a positions.csv as a whole; raises `FormatError` or `RecordingError`."""
     kept: dict[tuple[int, str], PositionRow] = {}
     if os.path.exists(path):
         kept = {(row.tag_id, row.bearing_file): row for row in read_position_file(path)}

@@ -61,10 +61,7 @@ def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
 
 
 def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a flight directory or a log in any known format, with its warnings.
-
-    Raises `FormatError` if the format is unknown or a line is damaged.
-    """
+    """Read a flight or a log of any known format, with warnings; raises `FormatError`."""
     place = Path(path)
     if place.name == "flight.sqlite":
         place = place.parent

@@ -80,11 +80,7 @@ def is_detections(cells: Sequence[str]) -> bool:
 
 
 def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a pulse file; damaged lines are skipped and counted.
-
-    Raises `FormatError` if it is unreadable, no line sets the tuned frequency, or most lines
-    are damaged.
-    """
+    """Read a pulse file, count damaged lines; raises `FormatError` if most are damaged."""
     tuned_hz: dict[str, float] = {}
     pulses: list[Pulse] = []
     places: list[Place] = []
@@ -194,10 +190,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read detections, one burst a row, with the tag by its ``id``.
-
-    Raises `FormatError` if it is unreadable, with the line of a wrong row.
-    """
+    """Read detections, a burst a row, tags by ``id``; raises `FormatError` with the line."""
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)

@@ -4,20 +4,13 @@ import os
 from pathlib import Path
 
 from uavrt.atomic_file import make_directories, write_atomically
-from uavrt.errors import RecordingError
+from uavrt.errors import RecordingError, os_errors_as
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Make the folder, write a temporary file there, then rename it.
-
-    Raises `RecordingError` if the disk is full, read-only or forbidden; the old file is
-    untouched.
-    """
-    try:
+    """Write a temporary file in the folder, then rename it; raises `RecordingError`."""
+    with os_errors_as(
+        RecordingError, f"cannot write {path}", remedy="Choose a writable place with free space"
+    ):
         make_directories(Path(path).parent)
         write_atomically(Path(path), content)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {path}: {error.strerror}",
-            remedy="Choose a writable place with free space",
-        ) from error

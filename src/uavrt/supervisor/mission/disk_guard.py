@@ -18,10 +18,7 @@ log = get_logger()
 
 
 class DiskGuard:
-    """Monitors the free space where flights are kept.
-
-    `settings`: the limit, and whether old flights may be removed.
-    """
+    """Monitors the free space of flights, by the settings' limit and leave to remove."""
 
     def __init__(self, directory: Path, settings: RecordingSettings) -> None:
         self._directory = directory
@@ -113,9 +110,9 @@ class DiskGuard:
         return None
 
     def _may_go(self) -> list[Path]:
-        """Removable flights, oldest first, without the newest, starred and present ones.
+        """Removable flights, oldest first: neither newest, starred nor in progress.
 
-        A flight and its copies count as one; the copies go first, which hold less.
+        A flight and its copies count as one; the copies are removed first, as they hold less.
         """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
         present = None if self._flight is None else self._flight.name

@@ -68,10 +68,7 @@ def new_flight(
     center_frequency_hz: float,
     capture_s: float | None = None,
 ) -> FlightInfo:
-    """Make the flight's directory; with `capture_s` it is a raw capture.
-
-    Raises `RecordingError` if the directory cannot be made.
-    """
+    """Make a flight's directory, a capture's with `capture_s`; raises `RecordingError`."""
     start_ns = clock.now_ns()
     return FlightInfo(
         directory=str(_make_directory(Path(settings.recording.directory), start_ns)),

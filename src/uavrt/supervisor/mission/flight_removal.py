@@ -19,10 +19,7 @@ FORGOTTEN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """List the flights that may go, the oldest first: not the newest, not starred.
-
-    The newest stays with its copies.
-    """
+    """List the flights that may go, oldest first: not the newest or its copies, not starred."""
     older = itertools.chain(*with_copies(flights)[:-1])
     return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
@@ -35,7 +32,7 @@ class SecondStep:
         self._asked: tuple[str, float] | None = None
 
     def is_meant(self, source: str) -> bool:
-        """Handle a request; True when it is the second step by the sender of the first."""
+        """Handle a request; True for the second step by the sender of the first."""
         now_s = self._clock_s()
         asked, self._asked = self._asked, (source, now_s)
         if asked is None or asked[0] != source:

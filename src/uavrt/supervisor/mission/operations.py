@@ -36,10 +36,7 @@ _ESCAPED = re.compile(r"\\([0-7]{3})")
 
 
 class Operations:
-    """Runs one operation at a time.
-
-    `publish`: gets each step. `notify`: sends a text (severity, text) to the operator.
-    """
+    """Runs one operation at a time; `publish` gets each step, `notify` each text."""
 
     def __init__(
         self,

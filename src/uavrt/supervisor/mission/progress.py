@@ -23,10 +23,7 @@ _SLOWEST = 3.0
 
 
 class FlightProgress:
-    """Tracks one flight after the other.
-
-    `publish`: gets each step.
-    """
+    """Tracks one flight after the other; `publish` gets each step."""
 
     def __init__(self, publish: Callable[[Operation], None]) -> None:
         self._publish = publish

@@ -38,10 +38,7 @@ class SavedState:
 
 
 class StateStore(KeptFile[SavedState]):
-    """The state file in the flights' directory, and the lock that allows one supervisor there.
-
-    `directory`: where flight directories are made.
-    """
+    """The state file in the flights' directory, and the lock that allows one supervisor."""
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory / STATE_NAME, SavedState, "saved state")

@@ -19,10 +19,7 @@ OWN_SOURCES = ("capture", "command line")
 
 
 class Commander:
-    """The station in command.
-
-    `pinned`: False: every station may command.
-    """
+    """The station in command; without `pinned` every station may command."""
 
     def __init__(
         self,

@@ -11,10 +11,7 @@ REPEAT_S = 300.0
 
 
 class BudgetWatch:
-    """Compares a process's usage with its row's budget.
-
-    `name`: of the instance, for the text. `cpu_percent`, `memory_mb`: the budget.
-    """
+    """Compares a process's usage with its row's budget; `name` is for the text."""
 
     def __init__(self, name: str, *, cpu_percent: float, memory_mb: float) -> None:
         self._name = name

@@ -17,7 +17,8 @@ from uavrt.ipc.topics import encode_record
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Tag
 from uavrt.supervisor.mission.flight_opening import share_tags
-from uavrt.supervisor.mission.orders import Mission, Notify
+from uavrt.supervisor.mission.flights import Notify
+from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.start.launcher import Launcher
 from uavrt.supervisor.tree.child import Child
 from uavrt.supervisor.tree.child_records import Intake
@@ -64,12 +65,12 @@ class Fleet:
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
         self._strangers = set(launcher.children())
-        """Children of this program from before, which are no orphans of ours."""
+        """Children of this program from before its start, which are not our orphans."""
         self._spared: set[int] = set()
         self._ending: set[int] = set()
         """Orphans that were killed and have not gone yet."""
         self._roads: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
-        self._window_hz = mission.settings.detection.frequency_window_hz
+        self._window_hz = mission.settings.now.detection.frequency_window_hz
         """Search half-width when the tags were distributed [Hz]; it may change in flight."""
         self._receiver: Receiver | None = None
         """Radio settings when the tags were distributed."""
@@ -139,7 +140,7 @@ class Fleet:
     def _worker_count(self) -> int:
         if not any(row.per_worker for row in self._rows):
             return 1
-        return len(self._shares((*self._mission.tags.values(),)))
+        return len(self._shares((*self._mission.upload.tags.values(),)))
 
     def _shares(self, tags: tuple[Tag, ...]) -> tuple[tuple[Tag, ...], ...]:
         """Tags of each detector worker."""
@@ -222,7 +223,7 @@ class Fleet:
 
     @contextlib.contextmanager
     def sparing(self, pid: int) -> Iterator[None]:
-        """Exempt a child of this program that is in no row from the search for orphans."""
+        """Exempt a child of this program that belongs to no row from the search for orphans."""
         self._spared.add(pid)
         try:
             yield
@@ -264,12 +265,12 @@ class Fleet:
 
         Returns the flight; None if it has ended meanwhile.
         """
-        flight = self._mission.flight
+        flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:
             async with self._restarting:
                 await self.stop_flight()
-                now = self._mission.flight
+                now = self._mission.flights.flight
                 if flight is None or now is None or now.directory != flight.directory:
                     return None
                 self.make_sample_sockets()
@@ -308,8 +309,8 @@ class Fleet:
 
     def make_sample_sockets(self) -> None:
         """Make a new flight's sockets for samples, to each instance of a row that gets them."""
-        self._window_hz = self._mission.flight_settings.detection.frequency_window_hz
-        flight = self._mission.flight
+        self._window_hz = self._mission.settings.in_flight.detection.frequency_window_hz
+        flight = self._mission.flights.flight
         if flight is not None and math.isfinite(flight.center_frequency_hz):
             self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
         targets = {row.samples_to for row in self._rows}
@@ -345,18 +346,18 @@ class Fleet:
     def _assignment(self, instance: Instance) -> Assignment:
         mission = self._mission
         in_flight_only = not instance.row.runs(SystemState.HAS_TAGS)
-        settings = mission.flight_settings if in_flight_only else mission.settings
+        settings = mission.settings.in_flight if in_flight_only else mission.settings.now
         # Untaken records of an earlier flight come before the present one.
         taken = instance.outbox.flight
-        flight: FlightInfo | None = taken if instance.row.says_taken else mission.flight
-        tags: tuple[Tag, ...] = flight.tags if flight else (*mission.tags.values(),)
+        flight: FlightInfo | None = taken if instance.row.says_taken else mission.flights.flight
+        tags: tuple[Tag, ...] = flight.tags if flight else (*mission.upload.tags.values(),)
         shares = self._shares(tags)
         return Assignment(
             process=instance.name,
             settings=settings,
-            clock_offset_ns=mission.clock.offset_ns,
+            clock_offset_ns=mission.flights.clock.offset_ns,
             flight=flight,
-            last_flights=(*mission.last_flights,),
+            last_flights=(*mission.flights.last,),
             tags=shares[instance.worker] if instance.row.per_worker else tags,
             worker_of_tag={
                 tag.tag_id: worker for worker, share in enumerate(shares) for tag in share

@@ -17,18 +17,15 @@ BYTES_AT_ONCE = 32_768
 MOST_KEPT = 20_000
 """Most lines kept in addition to waiting ones: 10 MB, half an hour of a disk that fails."""
 BARREN_LIVES = 3
-"""Ends without progress after which kept lines are dropped, as one of them may be the cause."""
+"""Ends of a process without progress after which kept lines are dropped: one may be the
+cause."""
 
 Line = tuple[str, bytes]
 """Topic and the whole line."""
 
 
 class Outbox:
-    """Lines for one process instance, in order.
-
-    `backlog`: most lines of any topic; see `ProcessRow.backlog`. `keeps`: keep what was sent
-    until the process has taken it.
-    """
+    """Lines for a process instance, at most `backlog` a topic; `keeps` them until taken."""
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
         self._backlog = backlog
@@ -40,7 +37,7 @@ class Outbox:
         """Number of lines that the present process has taken, kept or not."""
         self._barren = 0
         self._flight: bytes | None = None
-        """The flight in progress when the first line that is kept or waits was put."""
+        """The flight in progress when the first waiting or kept line was added."""
         self._waiting: Counter[str] = Counter()
         self._written = 0
         """Bytes of the first line that the present process has already got."""
@@ -51,7 +48,7 @@ class Outbox:
 
     @property
     def flight(self) -> FlightInfo | None:
-        """The flight of the first line that is not taken."""
+        """The flight of the first line that is not yet taken."""
         return None if self._flight is None else decode_record(self._flight)[1]
 
     def holds(self, name: str) -> bool:
@@ -138,7 +135,7 @@ class Outbox:
         self._leave(name, line)
 
     def _leave(self, name: str, line: bytes) -> None:
-        """Drop a line; the next ones belong to the flight that it began or ended."""
+        """Drop a line; the next line belongs to the flight in progress after it."""
         if name == "flight":
             self._flight = line
         elif name == "flight_end":

@@ -6,8 +6,9 @@ Measurements are those of the mean hypothesis without noise (predicted ideal mea
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import joined_rows
 from uavrt.planning.actions import Hold, Rotate
-from uavrt.planning.planners.ways import checked, headings, stacked, turning
+from uavrt.planning.planners.ways import checked, headings, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs, VehicleState
 from uavrt_experiments.search.baselines.renyi import pulses_along, renyi_nats
@@ -97,4 +98,4 @@ class ConservationBots:
             )
             for n in range(8, 16)
         ]
-        return stacked(long, *turns)
+        return joined_rows([long, *turns])

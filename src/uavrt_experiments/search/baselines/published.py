@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.columns import joined_rows
 from uavrt.planning.actions import FlyTo, Hold, Rotate
 from uavrt.planning.planners.ways import Ways, checked, headings, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
@@ -163,9 +164,8 @@ class Shannon:
                 )
                 for n in allowed
             ]
-            from uavrt.planning.planners.ways import stacked
 
-            legs = stacked(*turns)
+            legs = joined_rows(turns)
         reward = renyi_nats(
             situation.wanted, legs, situation.listener, situation.rng, alpha=1.0
         )

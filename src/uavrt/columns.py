@@ -1,0 +1,29 @@
+"""Records whose arrays hold one thing a row: some rows of all arrays, and rows of several."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+R = TypeVar("R")
+
+
+def chosen_rows(record: R, which: Any) -> R:
+    """Copy a dataclass with some rows of its arrays; other fields stay."""
+    return replace(record, **{name: one[which] for name, one in _arrays(record)})  # type: ignore[type-var]
+
+
+def joined_rows(records: Sequence[R], axis: int = 0) -> R:
+    """Join the arrays of dataclasses along an axis; other fields are those of the first."""
+    names = [name for name, _ in _arrays(records[0])]
+    joined = {
+        name: np.concatenate([getattr(one, name) for one in records], axis=axis)
+        for name in names
+    }
+    return replace(records[0], **joined)  # type: ignore[type-var]
+
+
+def _arrays(record: Any) -> list[tuple[str, Any]]:
+    values = [(one.name, getattr(record, one.name)) for one in fields(record)]
+    return [(name, value) for name, value in values if isinstance(value, np.ndarray)]

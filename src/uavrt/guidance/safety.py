@@ -1,0 +1,167 @@
+"""Safety limits of guidance: when an order ends, and what must hold for a command to leave.
+
+How each limit is used, and what was measured, is in docs/explanation/takeover.md.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyLimits:
+    """Limits that no setting changes; a comment holds for the fields below it."""
+
+    # An order: longest times from its offer to its confirmation, and to its first command [s].
+    offer_holds_s: float = 10.0
+    begins_within_s: float = 10.0
+    refusals: int = 50
+    """Number of refused requests in a row that ends the order."""
+    planner_lost_s: float = 2.0
+    """Silence of the planner that ends the order [s]."""
+    stall_s: float = 1.0
+    """Longest pause of our own process that ends no order [s]; reports are read later by it."""
+    battery_s: float = 1.0
+    """Time between two checks of the battery [s]."""
+
+    # Age of a report above which no command leaves [s].
+    mode_age_s: float = 1.0
+    mode_change_age_s: float = 0.2
+    """The same for a command that changes the mode: a pilot's own may cross it."""
+    position_age_s: float = 0.5
+    target_age_s: float = 0.3
+    """The same for a further command: another's target would not have been seen."""
+    sticks_age_s: float = 0.3
+    """For sticks that are to be seen; autopilots report them at 5 Hz or more."""
+    # Age of a report above which the order has ended, or it counts for nothing [s].
+    mode_lost_s: float = 3.0
+    position_lost_s: float = 2.0
+    sticks_lost_s: float = 1.5
+    landed_age_s: float = 3.0
+    heartbeat_lost_s: float = 5.0
+    """The heartbeat alone reports disarming and failsafes."""
+    latest_telemetry_s: float = 0.2
+    """Delay of the autopilot's messages above which no command leaves [s]."""
+    clock_drift: float = 2e-4
+    """Greatest drift of two clocks against each other: two crystals of 100 ppm."""
+
+    # Movement of a stick or a switch that is the pilot's [µs]; three-way switches move by 500.
+    stick_us: int = 60
+    switch_us: int = 250
+    switch_moved_s: float = 0.1
+    """Time after which one message suffices for a moved switch [s]; two do at once."""
+    first_switch_channel: int = 5
+    """Number of the first channel after the sticks."""
+
+    # Jumps of home since the confirmation, of altitude and of position that end the order [m].
+    home_moved_m: float = 2.0
+    height_jump_m: float = 5.0
+    place_jump_m: float = 30.0
+    home_height_error_m: float = 15.0
+    """Difference of map and autopilot at home above which nothing is flown by the map [m]."""
+    flying_height_m: float = 2.0
+    """Height above home below which a drone without landed state is on the ground [m]."""
+    lowest_height_m: float = 20.0
+    """Least commanded height above ground [m], unless the settings say otherwise."""
+    gust_below_m: float = 1.0
+    """Greatest drop of a hovering drone below its height by gusts [m]."""
+    margin_m: float = 5.0
+    """Distance from people and buildings beyond their outlines [m]: gusts and bends."""
+    calm_share: float = 0.9
+    """Wind above which nothing is flown, as a share of the greatest airspeed."""
+
+    # Longest times from a command, and from one to take off, to a sign of obedience [s].
+    obeyed_within_s: float = 3.0
+    takeoff_begins_within_s: float = 10.0
+    # Times for which the reports of before a command are right [s]. Targets change in 0.05 to
+    # 0.09 s; PX4 reports the mode at 2 Hz.
+    target_changes_within_s: float = 0.5
+    mode_changes_within_s: float = 1.5
+    # Rise at which a take-off is obeyed, and distance below the top at which it is done [m].
+    takeoff_rise_m: float = 1.0
+    takeoff_done_m: float = 3.0
+
+    # Errors that end the order: farther from the target than before [m] beyond what braking
+    # takes, height [m], the drone's own heading, and the one that it reports as its target [°].
+    astray_m: float = 6.0
+    height_error_m: float = 5.0
+    heading_error_deg: float = 25.0
+    target_heading_error_deg: float = 2.0
+    gust_heading_deg: float = 15.0
+    """Distance from the bearing within which a changing heading shows gusts, not a turn [°]."""
+    # Weakest braking of a flight [m/s²] and of a turn [°/s²].
+    braking_m_s2: float = 1.5
+    turn_braking_deg_s2: float = 25.0
+    leg_speed_m_s: float = 1.5
+    """Least speed far from the target, except at the start of a step [m/s]."""
+
+    # What may be left of place [m], height [m] and heading [°] of a step that is done.
+    arrived_m: float = 3.0
+    at_height_m: float = 2.0
+    at_heading_deg: float = 8.0
+    no_progress_s: float = 3.0
+    """Longest time without progress, also right after a command [s]. PX4 1.17 (SIH) made
+    progress 0.7 to 1.3 s after a command from a stand, up to 2.495 s after one that replaced a
+    leg (104 commands)."""
+    slow_progress_s: float = 1.0
+    """Time without progress after which no further command is sent until there is some [s]."""
+    # Least change in `no_progress_s` that is progress; wind may slow a drone to that.
+    nearer_m: float = 0.5
+    height_progress_m: float = 0.3
+    heading_progress_deg: float = 3.0
+    # A drone brakes if its standing place comes nearer by less than this in this time [s, m].
+    braking_s: float = 0.5
+    braking_m: float = 0.1
+    sample_s: float = 0.1
+    """Time between two positions [s]."""
+
+    # Left of a turn that is done, and change of heading that shows that it is obeyed [°].
+    turn_done_deg: float = 6.0
+    turn_begun_deg: float = 5.0
+    heading_stays_m: float = 0.7
+    """Distance from the target below which the heading stays [m]. PX4 follows the bearing
+    until 1 to 2 m."""
+    bearing_place_error_m: float = 1.0
+    """Error of the place from which a bearing is computed, against the autopilot's own [m]."""
+    # Tolerance of a measured heading that was on the bearing for some time [°, s]. On 68 legs
+    # of PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m
+    # from the target, and within 2.2° of itself nearer than `heading_stays_m`.
+    aligned_deg: float = 12.0
+    aligned_s: float = 1.0
+    settled_deg: float = 0.3
+    """Change between reports below which a heading has come to its end [°]."""
+    # A setpoint may stop on its way to the bearing: nearer than this [m], or for this time [s].
+    frozen_m: float = 2.5
+    stopped_s: float = 1.0
+    turn_made_up_s: float = 6.0
+    """Time in which a turn that goes on at a command is stopped and made up for [s]."""
+    report_delay_s: float = 0.3
+    """Time after a command in which a reported setpoint may be older than it [s]."""
+    # A heading that follows the course turns by this angle in this time [s, °]. After a new
+    # target near the old one ArduCopter 4.7 swung by 38° beyond the bearing, 0.4 s behind it.
+    course_follow_s: float = 1.0
+    course_follow_deg: float = 3.0
+    either_way_deg: float = 150.0
+    """Angle from heading to course beyond which a turn in either direction is right [°]."""
+    # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
+    # and nearer than `frozen_m`, where it returns from its overshoot.
+    course_speed_m_s: float = 0.5
+    near_course_speed_m_s: float = 1.0
+    # A heading that changes slower than this, for this long, stands [°/s, s].
+    turning_deg_s: float = 4.0
+    turned_s: float = 0.5
+
+    # Speeds below which the drone stands, and a leg may begin in any direction [m/s].
+    standing_speed_m_s: float = 1.0
+    free_speed_m_s: float = 2.0
+    # Greatest bend between two legs flown without a stand [°], and least distance of both
+    # places for that [m]: nearer, a small bend is a large one.
+    bend_deg: float = 30.0
+    bend_from_m: float = 25.0
+
+    # Other drones: greatest age of a report, longest wait for a path that was asked for, and
+    # silence after which a drone's tags go back to the others, but not its paths [s].
+    report_age_s: float = 10.0
+    answer_s: float = 3.0
+    missing_s: float = 10.0
+
+
+SAFETY = SafetyLimits()

@@ -1,0 +1,269 @@
+"""Flights and raw captures: begun, continued after a restart, corrected and ended."""
+
+import shutil
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from uavrt.clock import Clock, boot_id, wall_ns
+from uavrt.commands import SystemState
+from uavrt.config.code_rules import near_codes
+from uavrt.config.parameters import tags_with_overrides, tuned_frequency, warnings_of_band
+from uavrt.errors import UavrtError
+from uavrt.messages import FlightInfo, Tag
+from uavrt.supervisor.mission.flight_opening import last_written_ns, new_flight
+from uavrt.supervisor.mission.kept_parameters import SettingsInForce
+from uavrt.supervisor.mission.saved_state import SavedState
+from uavrt.supervisor.mission.tag_upload import TagUpload, check_tag
+from uavrt.supervisor.mission.tuning import UNMEASURED_TAGS, Tuning, TuningQuestion
+from uavrt.tunnel.tag_lists import searched_text
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+LAST_FLIGHTS = 3
+"""Number of ended flights that connection and recorder still serve."""
+RESUME_WITHIN_S = 900.0
+"""Age of a flight up to which detection resumes after a restart of the computer [s]. Covers a
+battery change or a brown-out in the air, but not last week's flight."""
+_MOST_NEAR = 3
+"""Pairs of codes that are named at the beginning of a flight; the page names all."""
+_CARRIED = 0.4
+"""Half of the usable band, as a share of the radio's rate."""
+_USUAL_WINDOW_HZ = 500.0
+"""Half-width of the search for which every channel has room [Hz]."""
+
+Notify = Callable[[int, str], None]
+Tuner = Callable[[TuningQuestion], Tuning]
+
+
+class Flights:
+    """The present flight and the last ones.
+
+    `notify`: sends a text (severity, text) to the operator. `on_start`: called when a flight
+    begins. `tuner`: finds the radio's frequency for the tags'. `check_free`: raises
+    `UavrtError` while flights are being copied.
+    """
+
+    def __init__(
+        self,
+        settings: SettingsInForce,
+        upload: TagUpload,
+        *,
+        notify: Notify,
+        on_start: Callable[[FlightInfo], None],
+        tuner: Tuner,
+        check_free: Callable[[], None],
+    ) -> None:
+        self._settings, self._upload = settings, upload
+        self._notify, self._on_start = notify, on_start
+        self._ask_tuner, self._check_free = tuner, check_free
+        self.clock = Clock.start()
+        self.flight: FlightInfo | None = None
+        self.last: deque[str] = deque(maxlen=LAST_FLIGHTS)
+        """Directories of ended flights, the newest last."""
+        self.ending = False
+        """Whether the flight's last pulses are on their way; no new one can begin yet."""
+
+    def resume(self, saved: SavedState) -> SystemState | None:
+        """Continue what an earlier supervisor did; return the state, None if nothing goes on.
+
+        Within the same boot the flight goes on with its clock. After a restart of the computer
+        the clock is a new one, and so is the flight; see `RESUME_WITHIN_S`.
+        """
+        flight = saved.flight
+        same_boot = saved.boot_id == boot_id()
+        self.last.extend(d for d in saved.last_flights if same_boot or _recent(d))
+        state = None
+        if flight is not None and flight.capture_s is not None:
+            goes_on = same_boot and saved.state is SystemState.CAPTURING
+            state = self._continue_capture(flight, saved.clock_offset_ns if goes_on else None)
+        if saved.state is SystemState.DETECTING and flight is not None:
+            if same_boot:
+                self.clock = Clock(saved.clock_offset_ns)
+                state = self._continue(flight)
+            elif _recent(flight.directory):
+                state = self._try_new_flight(flight.center_frequency_hz)
+        if flight is not None and flight != self.flight and _recent(flight.directory):
+            self.last.append(flight.directory)
+        return state
+
+    def _continue(self, flight: FlightInfo) -> SystemState | None:
+        if not Path(flight.directory).is_dir():
+            return self._try_new_flight(flight.center_frequency_hz)
+        self.flight = flight
+        self._on_start(flight)
+        count = len(self._upload.tags)
+        self._notify(4, f"Supervisor restarted: detecting {count} tags again")
+        return SystemState.DETECTING
+
+    def _continue_capture(
+        self, flight: FlightInfo, clock_offset_ns: int | None
+    ) -> SystemState | None:
+        """Record the rest of a raw capture; without a clock offset report what was recorded."""
+        if clock_offset_ns is None or not Path(flight.directory).is_dir():
+            self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
+            return None
+        self.clock = Clock(clock_offset_ns)
+        self.flight = flight
+        self._on_start(flight)
+        self._notify(4, "Supervisor restarted: recording the rest of the capture")
+        return SystemState.CAPTURING
+
+    def _try_new_flight(self, center_frequency_hz: float) -> SystemState | None:
+        try:
+            self.begin(center_frequency_hz)
+        except UavrtError as error:
+            self._notify(3, f"Supervisor restarted, but cannot detect: {error}")
+            return None
+        count = len(self._upload.tags)
+        self._notify(4, f"Computer restarted: detecting {count} tags again")
+        return SystemState.DETECTING
+
+    def begin(self, center_frequency_hz: float | None) -> FlightInfo:
+        """Choose the radio's frequency (the operator's, the settings', the tuner's); begin.
+
+        Raises `TunerError` if no radio frequency serves all the tags, `RecordingError` if the
+        flight's directory cannot be made.
+        """
+        self._check_free()
+        settings = self._settings.now
+        tags = tags_with_overrides(settings, self._upload.tags.values())
+        for tag in tags:
+            check_tag(tag)
+        radio = settings.radio
+        warnings: tuple[str, ...] = ()
+        center_hz = center_frequency_hz or radio.center_frequency_hz
+        if center_hz is not None:
+            warnings = warnings_of_band(tags, center_hz, radio.sample_rate_hz)
+        detection = settings.detection
+        plain = detection.frequency_window_hz <= _USUAL_WINDOW_HZ
+        if center_hz is None or not plain or len(tags) > UNMEASURED_TAGS:
+            tuning = self._ask_tuner(self._question(tags, center_hz))
+            center_hz, warnings = tuning.center_frequency_hz, warnings + tuning.warnings
+        center_hz = tuned_frequency(radio, center_hz)
+        flight = self._open(tags, center_hz)
+        count = len(self._upload.tags)
+        words = "1 tag" if count == 1 else f"{count} tags"
+        self._notify(6, f"Detecting {words} at {center_hz:.0f} Hz")
+        for warning in (*warnings, *self._words_of_near_codes(tags)):
+            self._notify(5, warning)
+        return flight
+
+    def _words_of_near_codes(self, tags: Sequence[Tag]) -> list[str]:
+        """Name codes that may be confused, in words for a radio link."""
+        window_hz = self._settings.now.detection.frequency_window_hz
+        pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
+        words = [f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_NEAR]]
+        if len(pairs) > _MOST_NEAR:
+            words.append(f"{len(pairs) - _MOST_NEAR} more pairs of codes are as near")
+        return words
+
+    def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
+        """Begin to record the band; the frequency is the operator's, or as in a flight.
+
+        Raises `UavrtError` if no frequency is known, the disk is nearly full, or flights are
+        being copied.
+        """
+        self._check_free()
+        settings = self._settings.now
+        radio, recording = settings.radio, settings.recording
+        center_hz = center_frequency_hz or radio.center_frequency_hz
+        if center_hz is None and not self._upload.tags:
+            raise UavrtError("no frequency: send tags first, or set RADIO_FREQ_KHZ")
+        if center_hz is None:
+            question = self._question(tuple(self._upload.tags.values()), None)
+            center_hz = self._ask_tuner(question).center_frequency_hz
+        center_hz = tuned_frequency(radio, center_hz)
+        with suppress(OSError):
+            free_mb = shutil.disk_usage(recording.directory).free / 1e6
+            if free_mb < recording.minimum_free_mb:
+                raise UavrtError(f"disk nearly full: {free_mb:.0f} MB free; clean the logs")
+        flight = self._open((), center_hz, recording.capture_s)
+        self._notify(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
+        return flight
+
+    def _open(
+        self, tags: tuple[Tag, ...], center_hz: float, capture_s: float | None = None
+    ) -> FlightInfo:
+        """Make the flight's directory, and begin."""
+        self.clock = Clock.start()
+        self._settings.begin_flight()
+        self.flight = new_flight(
+            self._settings.now,
+            tags,
+            self.clock,
+            center_frequency_hz=center_hz,
+            capture_s=capture_s,
+        )
+        self._on_start(self.flight)
+        return self.flight
+
+    def _question(self, tags: tuple[Tag, ...], center_hz: float | None) -> TuningQuestion:
+        detection = (self._settings.in_flight if self.flight else self._settings.now).detection
+        measured = len(tags) > UNMEASURED_TAGS and not detection.maximum_tags
+        return TuningQuestion(
+            tags=tags,
+            sample_rate_hz=self._settings.now.radio.sample_rate_hz,
+            detection=detection,
+            center_frequency_hz=center_hz,
+            spare_cores=detection.worker_count if measured else None,
+        )
+
+    def correct(self, tag: Tag | None) -> tuple[FlightInfo, str, tuple[str, ...]] | None:
+        """Change a tag's values in the flight that goes on; None if it has them already.
+
+        Returns (flight, words, warnings): the flight, what changed, and what it costs.
+        """
+        flight, listed = self.flight, self._upload.tags
+        known = None if tag is None else listed.get(tag.tag_id)
+        if tag is None or known is None or flight is None:
+            raise UavrtError(f"detecting {searched_text(listed.values())}: send stop first")
+        tag = replace(tag, name=known.name)
+        if tag == known:
+            return None
+        check_tag(tag)
+        if known.coded or tag.coded:
+            raise UavrtError("coded tags cannot be corrected in flight: send stop first")
+        center_hz = flight.center_frequency_hz
+        reach_hz = max(abs(one.frequency_hz - center_hz) for one in flight.tags)
+        reach_hz = max(reach_hz, _CARRIED * flight.sample_rate_hz)
+        if abs(tag.frequency_hz - center_hz) > reach_hz:
+            raise UavrtError(f"not received at {center_hz / 1e6:.6f} MHz: send stop first")
+        settings = self._settings.in_flight
+        (searched,) = tags_with_overrides(settings, (tag,))
+        tags = tuple(searched if one.tag_id == tag.tag_id else one for one in flight.tags)
+        warnings: tuple[str, ...] = ()
+        if settings.detection.frequency_window_hz > _USUAL_WINDOW_HZ:
+            # What the search costs was measured at the start, when the computer was not busy.
+            question = replace(self._question(tags, center_hz), spare_cores=None)
+            warnings = self._ask_tuner(question).warnings
+        self._upload.correct(tag)
+        self.flight = replace(flight, tags=tags)
+        words = f"{tag.frequency_hz / 1e6:.6f} MHz, was {known.frequency_hz / 1e6:.6f}"
+        if tag.frequency_hz == known.frequency_hz:
+            before_s, now_s = known.pulse_intervals_s[-1], tag.pulse_intervals_s[-1]
+            words = f"{1e3 * now_s:.0f} ms, was {1e3 * before_s:.0f}"
+        return self.flight, words, warnings
+
+    def end_soon(self) -> str:
+        """Note that an end was commanded; return the flight's directory."""
+        self.ending = True
+        return self.flight.directory if self.flight else ""
+
+    def ended(self) -> FlightInfo | None:
+        """Note that the last pulse is on its way; get the flight that ended."""
+        flight, self.flight = self.flight, None
+        if flight is not None:
+            self.last.append(flight.directory)
+        self.ending = False
+        return flight
+
+
+def _recent(directory: str) -> bool:
+    written_ns = last_written_ns(Path(directory))
+    # A computer without a battery-backed clock may start in the past: that is recent too.
+    return (
+        written_ns is not None
+        and wall_ns() - written_ns < RESUME_WITHIN_S * NANOSECONDS_PER_SECOND
+    )
