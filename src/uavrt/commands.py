@@ -7,7 +7,7 @@ tunnel's generations (`uavrt.tunnel.g1`, `g2`).
 
 A command that a state does not allow is refused with a reason the operator can act on; nothing
 can lock up. A repeated command is accepted and changes nothing, so a ground station may retry
-over a lossy link. A motion order has one more column: the command that confirms it.
+over a lossy link.
 """
 
 from collections.abc import Mapping
@@ -162,8 +162,6 @@ class CommandRow:
     lengths: Mapping[Generation, tuple[int, ...]] = field(default_factory=dict)
     """Lengths of its payloads in the tunnel's generations that have it, the newest last."""
     button: Button | None = None
-    confirmed_by: CommandName | None = None
-    """Command, with the nonce of the drone's offer, before which nothing moves."""
 
 
 BARE, BARE_G2 = (4,), (8,)
@@ -316,7 +314,6 @@ _ROWS = (
         meaning="ask for a motion of the drone",
         who=Who.LAST_COMMANDER,
         states=ALWAYS,
-        confirmed_by="confirm_motion",
     ),
     CommandRow(
         name="confirm_motion",

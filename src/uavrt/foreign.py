@@ -158,20 +158,24 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
     return archive
 
 
-def unpack(pieces: Iterable[bytes], most: int, *, wbits: int = 31) -> bytes:
-    """Unpack gzip (or, by `wbits`, another form of zlib), up to a little more than `most`.
+_GZIP_BITS = 31
+"""zlib's number for gzip with the largest window."""
+
+
+def unpack(pieces: Iterable[bytes], most: int) -> bytes:
+    """Unpack gzip, up to a little more than `most` bytes.
 
     Raises `zlib.error` or `EOFError` if it is damaged or cut off.
     """
     content = bytearray()
-    unpacker = zlib.decompressobj(wbits)
+    unpacker = zlib.decompressobj(_GZIP_BITS)
     for piece in pieces:
         while piece and len(content) <= most:
             if unpacker.eof:  # several members, as `cat a.gz b.gz` makes
                 piece = piece.lstrip(b"\0")
                 if not piece:
                     break
-                unpacker = zlib.decompressobj(wbits)
+                unpacker = zlib.decompressobj(_GZIP_BITS)
             content += unpacker.decompress(piece, most + 1 - len(content))
             piece = unpacker.unused_data if unpacker.eof else unpacker.unconsumed_tail
         if len(content) > most:

@@ -20,7 +20,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from uavrt.atomic_file import write_atomically
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, os_errors_as
 from uavrt.foreign import SETTINGS, check_toml, read_file
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -108,10 +108,8 @@ def write_facts(folder: Path, facts: Facts) -> None:
     # A string of JSON is one of TOML, too.
     written = {name: json.dumps(text, ensure_ascii=False) for name, text in fields.items()}
     lines = [f"{name} = {text}\n" for name, text in written.items()]
-    try:
+    with os_errors_as(ConfigError, f"cannot write {path}"):
         write_atomically(path, "".join(lines))
-    except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}") from error
 
 
 def _judged(entries: dict[str, Any], path: Path) -> Facts:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words
-from uavrt.errors import RecordingError
+from uavrt.errors import RecordingError, os_errors_as
 from uavrt.integration.drifting import even_time_s
 from uavrt.integration.heard_train import limited_energies
 from uavrt.integration.whole_flight import pulse_weights
@@ -38,13 +38,11 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
             )
             draw_fold(figure, fold_of(one), TAG_COLORS[0])
             path = directory / f"tag_{one.tag.tag_id}_fold.png"
-            try:
+            with os_errors_as(
+                RecordingError, f"cannot write {path}", "Name a writable directory"
+            ):
                 directory.mkdir(parents=True, exist_ok=True)
                 figure.savefig(path, dpi=150)
-            except OSError as error:
-                raise RecordingError(
-                    f"cannot write {path}: {error.strerror}", remedy="Name a writable directory"
-                ) from error
             written.append(path)
     return written
 

@@ -5,6 +5,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,11 @@ from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict, Ring, write_integrated
 from uavrt.units import db_from_power, ns_from_s
 
+PLACE_FIELDS = (
+    *("level_db", "bearing_deg", "arc50_deg", "arc95_deg"),
+    *("latitude_deg", "longitude_deg", "radius50_m", "radius95_m"),
+)
+"""Numbers of a place that records of it hold, too."""
 _DECIMALS = 7
 """Decimals of a degree in coordinates: a centimetre."""
 _SAME = 0.25
@@ -133,7 +139,6 @@ def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
 
 
 def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdict:
-    place = one.place
     live = 0
     if one.found:
         live = int(np.count_nonzero(slots_of(one).at_rate & _heard_live(flight, one)))
@@ -143,15 +148,7 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         false_alarm_probability=float(one.train.false_alarm_probability),
         interval_s=float(one.pulses.interval_s),
         frequency_hz=float(one.tag.frequency_hz + one.pulses.offset_hz),
-        level_db=None if place is None else float(place.level_db),
-        bearing_deg=None if place is None else float(place.bearing_deg),
-        arc50_deg=None if place is None else float(place.arc50_deg),
-        arc95_deg=None if place is None else float(place.arc95_deg),
-        latitude_deg=None if place is None else float(place.latitude_deg),
-        longitude_deg=None if place is None else float(place.longitude_deg),
-        radius50_m=None if place is None else float(place.radius50_m),
-        radius95_m=None if place is None else float(place.radius95_m),
-        places=1 if place is None else max(1, len(parts_of(place))),
+        **_placed(one.place),
         pulses=pulses,
         flights=one.flights,
         heard_live=live,
@@ -159,11 +156,22 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         ambiguous=one.ambiguous is not None,
         # None at all is a stretch of no length: empty, it would count as not known.
         listened=iso_intervals(listened_in(one.energies) or ((one.energies.start_ns,) * 2,)),
-        parts=() if place is None else parts_of(place),
-        region50=() if place is None else rings_of(place, 0.5),
-        region95=() if place is None else rings_of(place, 0.95),
         searched=one.searched,
     )
+
+
+def _placed(place: PlaceBelief | None) -> dict[str, Any]:
+    """Fields of a verdict about the place; none without one."""
+    if place is None:
+        return {}
+    parts = parts_of(place)
+    return {
+        **{name: float(getattr(place, name)) for name in PLACE_FIELDS},
+        "places": max(1, len(parts)),
+        "parts": parts,
+        "region50": rings_of(place, 0.5),
+        "region95": rings_of(place, 0.95),
+    }
 
 
 def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:

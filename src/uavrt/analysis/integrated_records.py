@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.analysis.hindsight import parts_of, rings_of, slots_of
+from uavrt.analysis.hindsight import PLACE_FIELDS, parts_of, rings_of, slots_of
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.whole_flight import IntegratedTag
 from uavrt.clock import iso_utc
@@ -66,14 +66,7 @@ class PlaceRecord:
             return cls()
         return cls(
             enr_db=place.level_db,
-            latitude_deg=place.latitude_deg,
-            longitude_deg=place.longitude_deg,
-            radius50_m=place.radius50_m,
-            radius95_m=place.radius95_m,
-            level_db=place.level_db,
-            bearing_deg=place.bearing_deg,
-            arc50_deg=place.arc50_deg,
-            arc95_deg=place.arc95_deg,
+            **{name: getattr(place, name) for name in PLACE_FIELDS},
             places=parts_of(place, 0.0),
             region50=rings_of(place, 0.5),
             region95=rings_of(place, 0.95),

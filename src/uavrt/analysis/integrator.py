@@ -17,7 +17,7 @@ from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError, UsageError
-from uavrt.integration.growing import BLOCK_S
+from uavrt.integration.tuning import ENERGY
 from uavrt.ipc.process import ProcessFrame
 from uavrt.localization.antenna import pattern_named
 from uavrt.log import get_logger
@@ -60,7 +60,7 @@ class Looks:
     def looked(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
         """Record that judging a tag has ended, and its cost [s of a core]."""
         self._rest_until_s = now_s + SHARE * worked_s
-        self._due_s[tag.tag_id] = now_s + (BLOCK_S if new else LOOK_AGAIN_S)
+        self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else LOOK_AGAIN_S)
 
 
 class Teller:

@@ -7,6 +7,7 @@ of colour vision; marker shapes repeat the distinction.
 
 import re
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.measure.waterfall import Waterfall
 from uavrt.detection.beeps.interval_fit import Beat, fit_beat
-from uavrt.errors import RecordingError, needs_extra
+from uavrt.errors import RecordingError, needs_extra, os_errors_as
 from uavrt.messages import ChannelBlock, DetectionStatus, Pulse, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -55,10 +56,8 @@ class DetectionPlots:
     ) -> None:
         with needs_extra("analysis", "drawing pictures"):
             import matplotlib  # noqa: F401
-        try:
+        with _writing(directory):
             directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise _cannot_write(directory, error) from error
         self._directory = directory
         self._tags = tuple(tags)
         self._half_width_hz = 1.2 * frequency_window_hz
@@ -108,10 +107,8 @@ class DetectionPlots:
             }
             for name, figure in figures.items():
                 path = self._directory / f"tag_{tag.tag_id}_{name}.png"
-                try:
+                with _writing(path):
                     figure.savefig(path)
-                except OSError as error:
-                    raise _cannot_write(path, error) from error
                 written.append(path)
         return written
 
@@ -367,7 +364,6 @@ def _name(tag: Tag) -> str:
     return f"Tag {tag.tag_id}{name}"
 
 
-def _cannot_write(path: Path, error: OSError) -> RecordingError:
-    return RecordingError(
-        f"cannot write {path}: {error.strerror}", remedy="Give --plot a writable directory"
-    )
+def _writing(path: Path) -> AbstractContextManager[None]:
+    remedy = "Give --plot a writable directory"
+    return os_errors_as(RecordingError, f"cannot write {path}", remedy)

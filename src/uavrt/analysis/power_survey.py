@@ -34,7 +34,6 @@ class HeightBand:
     high_m: float
     pulses: int
     median_db: float
-    best_db: float
     strongest: StrongestSignal
     surface: SignalSurface | None
 
@@ -101,7 +100,6 @@ def _heights(track: PowerTrack) -> list[HeightBand]:
                     high_m=high,
                     pulses=len(snr),
                     median_db=float(np.median(snr)),
-                    best_db=float(snr.max()),
                     strongest=strongest_signal(part),
                     surface=_surface(part),
                 )

@@ -12,6 +12,10 @@ _OF_BEARING = (
     *("second_lobe_probability", "evidence", "reduced_chi2", "multipath_suspected"),
     *("level_db", "fading_db", "confidence"),
 )
+_OF_TURN = (
+    *("latitude_deg", "longitude_deg", "altitude_amsl_m"),
+    *("start_time_ns", "middle_time_ns", "end_time_ns"),
+)
 _OF_POSITION = (
     *("method", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m"),
     *("outlier_probabilities", "at_edge", "heading_error_deg", "heading_error_sigma_deg"),
@@ -32,12 +36,7 @@ def bearing_record(one: TagBearing) -> dict[str, Any]:
         "interval90_deg": None if found.interval90_deg is None else [*found.interval90_deg],
         **{name: known(getattr(found, name)) for name in _OF_BEARING},
         "paths_deg": None if found.paths_deg is None else [*found.paths_deg],
-        "latitude_deg": one.latitude_deg,
-        "longitude_deg": one.longitude_deg,
-        "altitude_amsl_m": known(one.altitude_amsl_m),
-        "start_time_ns": one.start_time_ns,
-        "middle_time_ns": one.middle_time_ns,
-        "end_time_ns": one.end_time_ns,
+        **{name: known(getattr(one, name)) for name in _OF_TURN},
         "remarks": [*found.remarks],
     }
 

@@ -4,7 +4,7 @@ import hashlib
 import shutil
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import uavrt
@@ -209,10 +209,7 @@ def _row(
         fingerprint=job.key,
         state=state,
         fault=by_manifest("; ".join(dict.fromkeys(faults))) or None,
-        start_time_ns=job.facts.start_time_ns,
-        length_s=job.facts.length_s,
-        sample_rate_hz=job.facts.sample_rate_hz,
-        center_frequency_hz=job.facts.center_frequency_hz,
+        **asdict(job.facts),
         pulses=len(pulses),
         confirmed=sum(pulse.confirmed for pulse in pulses),
         lost_samples=sum(one.lost_samples for one in job.results),
@@ -221,7 +218,6 @@ def _row(
         cpu_s=sum(one.cpu_s for one in job.results),
         finished_time_ns=Clock.start().now_ns(),
         uavrt_version=uavrt.__version__,
-        tags_outside=job.facts.tags_outside,
         beeps="\n".join(words_of_beeps(_beeps(job.results))),
     )
 

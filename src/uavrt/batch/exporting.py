@@ -10,6 +10,7 @@ import numpy as np
 from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
 from uavrt.analysis.survey import Survey
 from uavrt.atomic_file import make_directories, replacing
+from uavrt.batch.flight_work import OF_WAY
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
@@ -168,18 +169,16 @@ def _bearing(row: dict[str, Any]) -> TagBearing:
         *("evidence", "reduced_chi2", "multipath_suspected", "level_db", "fading_db"),
         "confidence",
     )
+    place = (
+        *("tag_id", "latitude_deg", "longitude_deg", "altitude_amsl_m"),
+        *("start_time_ns", "middle_time_ns", "end_time_ns"),
+    )
     return TagBearing(
-        tag_id=row["tag_id"],
         bearing=Bearing(
             interval90_deg=None if low_deg is None else (low_deg, high_deg),
             **{name: row[name] for name in same},
         ),
-        latitude_deg=row["latitude_deg"],
-        longitude_deg=row["longitude_deg"],
-        altitude_amsl_m=row["altitude_amsl_m"],
-        start_time_ns=row["start_time_ns"],
-        middle_time_ns=row["middle_time_ns"],
-        end_time_ns=row["end_time_ns"],
+        **{name: row[name] for name in place},
     )
 
 
@@ -191,14 +190,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             semi_minor_m=row["semi_minor95_m"],
             orientation_deg=row["orientation_deg"],
         )
-    way = zip(
-        row["track_time_ns"],
-        row["track_latitude_deg"],
-        row["track_longitude_deg"],
-        row["track_radius50_m"],
-        row["track_radius95_m"],
-        strict=True,
-    )
+    way = zip(*(row[f"track_{name}"] for name in OF_WAY), strict=True)
     same = (
         *("latitude_deg", "longitude_deg", "method", "radius50_m", "radius95_m", "at_edge"),
         *("heading_error_deg", "heading_error_sigma_deg"),
@@ -210,16 +202,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             pulses=row["powers"],
             ellipse95=ellipse,
             cautions=_cautions(row),
-            track=tuple(
-                TrackPoint(
-                    time_ns=time_ns,
-                    latitude_deg=latitude,
-                    longitude_deg=longitude,
-                    radius50_m=half,
-                    radius95_m=most,
-                )
-                for time_ns, latitude, longitude, half, most in way
-            ),
+            track=tuple(TrackPoint(**dict(zip(OF_WAY, one, strict=True))) for one in way),
             **{name: row[name] for name in same},
         ),
     )
@@ -240,9 +223,7 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
     which = "" if flights is None else f"WHERE flight IN ({', '.join(map(quoted, flights))})"
     rows = ask(archive, f"SELECT * FROM {table} {which} ORDER BY flight, tag_id, start_time_ns")
     target = directory / f"{table}.parquet"
-    with os_errors_as(
-        RecordingError, f"cannot write {target}", remedy="Choose a writable place"
-    ):
+    with os_errors_as(RecordingError, f"cannot write {target}", "Choose a writable place"):
         make_directories(directory)
         with replacing(target) as part:
             pq.write_table(with_points(rows), part, compression="zstd")

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -26,32 +26,23 @@ from uavrt.localization.flight_estimates import (
     estimate,
 )
 from uavrt.localization.heard import Heard
-from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
-from uavrt.localization.results import PositionMethod
-from uavrt.messages import Pulse, PulsePose, Tag
+from uavrt.messages import Pose, Pulse, PulsePose, Tag
 from uavrt.recording.flight_reader import Flight, read_flight
 from uavrt.recording.integrated import IntegratedVerdict
 from uavrt.recording.layout import FlightLayout
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.elevation_files import open_elevation
 
-_OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
+OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
+"""Fields of a moving tag's track, each a column with lists."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlacingSettings:
-    """Settings for bearings and positions, as in `uavrt localize`."""
+class PlacingSettings(ReadAs):
+    """Settings for bearings and positions, as in `uavrt localize`; elevations are files."""
 
     antenna: str | None = None
     """Name of a pattern, a file of one, or monopole; None: the drone's configured antenna."""
-    offset_deg: float = 0.0
-    """Boresight clockwise from the heading that the pulses carry."""
-    method: PositionMethod = "bayes"
-    height_m: float | None = None
-    """With a monopole: height over the tags, where the poses do not contain it."""
-    heading_sigma_deg: float = HEADING_SIGMA_DEG
-    height_sigma_m: float = HEIGHT_SIGMA_M
     dem: str | None = None
     """Elevation file or folder of them; None assumes level ground."""
     sea: bool = False
@@ -59,15 +50,9 @@ class PlacingSettings:
 
     def read_as(self, antenna: str) -> ReadAs:
         """The same settings for the estimator."""
-        return ReadAs(
-            antenna=antenna,
-            offset_deg=self.offset_deg,
-            height_m=self.height_m,
-            heading_sigma_deg=self.heading_sigma_deg,
-            height_sigma_m=self.height_sigma_m,
-            elevation=_elevation(self.dem, self.sea),
-            method=self.method,
-        )
+        same = {one.name: getattr(self, one.name) for one in fields(ReadAs)}
+        elevation = _elevation(self.dem, self.sea)
+        return ReadAs(**same | {"antenna": antenna, "elevation": elevation})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,14 +267,8 @@ def _pose_rows(task: FlightTask, posed: Sequence[PulsePose]) -> list[PoseRow]:
             recording=recording_of.get(one.pulse.key, task.path),
             tag_id=one.pulse.tag_id,
             start_time_ns=one.pulse.start_time_ns,
-            time_ns=one.pose.time_ns,
-            latitude_deg=one.pose.latitude_deg,
-            longitude_deg=one.pose.longitude_deg,
-            altitude_amsl_m=one.pose.altitude_amsl_m,
-            altitude_relative_m=one.pose.altitude_relative_m,
             yaw_deg=yaw_deg(one.pose.quaternion_wxyz),
-            quaternion_wxyz=one.pose.quaternion_wxyz,
-            extrapolated=one.pose.extrapolated,
+            **{field.name: getattr(one.pose, field.name) for field in fields(Pose)},
         )
         for one in posed
         if one.pose is not None
@@ -329,6 +308,6 @@ def _position_row(
         "remarks": "; ".join(record["remarks"]),
         "cautions": ", ".join(each["name"] for each in cautions),
         "cautions_in_words": "\n".join(each["text"] for each in cautions),
-        **{f"track_{name}": tuple(each[name] for each in way) for name in _OF_WAY},
+        **{f"track_{name}": tuple(each[name] for each in way) for name in OF_WAY},
     }
     return PositionOfTag(**{name: record[name] for name in PositionOfTag.__dataclass_fields__})

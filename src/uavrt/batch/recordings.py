@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from uavrt.batch.stores import is_url, list_store, marks_of, open_stored
 from uavrt.batch.tables import DONE, RECORDINGS
@@ -54,24 +55,18 @@ class Recording:
 
     def open(self) -> RecordingSource:
         """Open the recording; raises `FormatError`, or `StoreError` without an answer."""
-        metadata = {
-            "sample_rate_hz": self.sample_rate_hz,
-            "center_frequency_hz": self.center_frequency_hz,
-        }
         if self.url is not None:
-            return open_stored(
-                self.url, self.format_name, start_time_ns=self.start_time_ns, **metadata
-            )
-        return open_recording(
-            self.path, self.format_name, start_time_ns=self.start_time_ns, **metadata
-        )
+            return open_stored(self.url, **self._stated())
+        return open_recording(self.path, **self._stated())
+
+    def _stated(self) -> dict[str, Any]:
+        """What it may not state of itself; the names are those of `open_recording`."""
+        names = ("format_name", "sample_rate_hz", "center_frequency_hz", "start_time_ns")
+        return {name: getattr(self, name) for name in names}
 
     def fingerprint(self) -> str:
         """Fingerprint of the recording's content; raises `OSError` or `StoreError`."""
-        facts: list[object] = [
-            *(self.format_name, self.sample_rate_hz, self.center_frequency_hz),
-            self.start_time_ns,
-        ]
+        facts: list[object] = [*self._stated().values()]
         if self.url is not None:
             return _hashed([*facts, *marks_of(self.url)])
         for path in (self.path, self.path.with_suffix(".sigmf-data")):

@@ -34,12 +34,7 @@ def is_url(text: str) -> bool:
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """Get all files at and below a place.
-
-    Raises `FormatError`: there is nothing.
-    Raises `StoreError`: the store does not answer.
-    Raises `UsageError`: a package for this kind of store is missing.
-    """
+    """Files at and below a place; raises `FormatError` if none, `StoreError`, `UsageError`."""
     with _asked(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
@@ -107,14 +102,7 @@ def marks_of(url: str) -> list[object]:
     return [url, about.get("size"), *(str(about[mark]) for mark in _MARKS if mark in about)]
 
 
-def open_stored(
-    url: str,
-    format_name: str | None = None,
-    *,
-    sample_rate_hz: float | None = None,
-    center_frequency_hz: float | None = None,
-    start_time_ns: int | None = None,
-) -> RecordingSource:
+def open_stored(url: str, **stated: Any) -> RecordingSource:
     """Open a recording of a store like `open_recording`; raises also `StoreError`."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
@@ -122,13 +110,7 @@ def open_stored(
         if data_url != url:
             _ends(data_url, Path(folder))
         with _named(url, str(copy)):
-            source = open_recording(
-                copy,
-                format_name,
-                sample_rate_hz=sample_rate_hz,
-                center_frequency_hz=center_frequency_hz,
-                start_time_ns=start_time_ns,
-            )
+            source = open_recording(copy, **stated)
         source.close()
     return RecordingSource(source.layout, _StoredBytes(data_url))
 

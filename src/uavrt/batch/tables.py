@@ -42,18 +42,18 @@ class RecordingRow:
     state: str
     """done, truncated (used up to its fault), failed (no pulse of it counts) or recorded (the
     pulses are those that the flight itself found)."""
-    fault: str | None
+    fault: str | None = None
     start_time_ns: int | None
-    length_s: float | None
+    length_s: float | None = None
     """Duration of its samples, lost ones left out; None: not known."""
-    sample_rate_hz: float | None
-    center_frequency_hz: float | None
+    sample_rate_hz: float | None = None
+    center_frequency_hz: float | None = None
     pulses: int
     confirmed: int
-    lost_samples: int
-    invalid_values: int
-    cells: int
-    cpu_s: float
+    lost_samples: int = 0
+    invalid_values: int = 0
+    cells: int = 0
+    cpu_s: float = 0.0
     finished_time_ns: int
     uavrt_version: str
     beeps: str = ""

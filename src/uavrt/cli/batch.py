@@ -122,6 +122,7 @@ def batch(
         f"{counted(len(found.flights), 'flight')}",
         file=sys.stderr,
     )
+    same = ("offset_deg", "method", "height_m", "heading_sigma_deg", "height_sigma_m")
     settings = BatchSettings(
         steps=tuple(steps or USUAL_STEPS),
         frequency_window_hz=frequency_window,
@@ -131,12 +132,8 @@ def batch(
         workers=workers or os.cpu_count() or 1,
         scheduler=scheduler,
         placing=PlacingSettings(
+            **{name: getattr(how, name) for name in same},
             antenna=place.antenna,
-            offset_deg=how.offset_deg,
-            method=method,  # type: ignore[arg-type]
-            height_m=how.height_m,
-            heading_sigma_deg=how.heading_sigma_deg,
-            height_sigma_m=how.height_sigma_m,
             dem=None if place.dem is None else str(place.dem.absolute()),
             sea=place.sea,
         ),

@@ -106,8 +106,7 @@ def demo(
         on_ros_domain=_print_domain if headless else None,
     ).run(picture)
     if json_summary:
-        accounts = {str(number): one.as_dict() for number, one in flown.items()}
-        print_json({"drones": accounts} if drones > 1 else accounts["1"])
+        print_json({"drones": flown} if drones > 1 else flown[1])
         return
     screen = Console()
     for number, summary in flown.items():
@@ -129,7 +128,7 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
         say=lambda line: print(line, file=out, flush=True),
     ).run()
     if json_summary:
-        print_json(summary.as_dict())
+        print_json(summary)
     else:
         screen = Console()
         screen.print(summary.table())
@@ -153,7 +152,7 @@ def _search_together(
         say=lambda line: print(line, file=out, flush=True),
     ).run()
     if json_summary:
-        print_json(summary.as_dict())
+        print_json(summary)
     else:
         screen = Console()
         for number, one in summary.drones.items():

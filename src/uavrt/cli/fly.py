@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from uavrt.cli.kinds import Component, Metres, Minutes, Seconds
 from uavrt.clock import Clock
 from uavrt.config.text_files import read_text
-from uavrt.errors import ConfigError, FormatError, LinkError, UavrtError
+from uavrt.errors import ConfigError, FormatError, LinkError, UavrtError, os_errors_as
 from uavrt.foreign import SHAPES
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.keys import LinkKeys, read_link_keys
@@ -273,13 +273,12 @@ def _save(path: Path, request: MotionRequest | None) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise FormatError(
-            f"{path} cannot be written: {error}", remedy="Choose another name"
-        ) from error
+    fault = f"{path} cannot be written"
+    with (
+        os_errors_as(FormatError, fault, "Choose another name"),
+        path.open("x", encoding="utf-8") as file,
+    ):
+        file.write(text)
 
 
 async def _upload(

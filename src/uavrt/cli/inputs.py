@@ -15,10 +15,7 @@ _HEAD_BYTES = 65_536
 
 
 def require_content(paths: Sequence[Path]) -> None:
-    """Reject a set of empty files, which would look like flights without pulses.
-
-    Raises `UsageError`: there is nothing in any of them.
-    """
+    """Reject empty files, which would look like flights without pulses: `UsageError`."""
     empty = [path for path in paths if path.is_file() and _is_empty(path)]
     if empty and len(empty) == len(paths):
         raise UsageError(

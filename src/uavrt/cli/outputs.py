@@ -64,9 +64,7 @@ def make_directory(path: Path, option: str) -> None:
     Raises `ConfigError`: it cannot be made or written; `option` is its option's name.
     """
     with os_errors_as(
-        ConfigError,
-        f"{path} cannot be made",
-        remedy=f"Give {option} a directory that can be written",
+        ConfigError, f"{path} cannot be made", f"Give {option} a directory that can be written"
     ):
         path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK):

@@ -59,8 +59,10 @@ def report(
         raise UsageError("there is nothing to write", remedy="Leave out --no-html or --no-pdf")
     require_content([flight])
     from uavrt.analysis.map_files import maps_in
-    from uavrt.analysis.report.written import write_report
+    from uavrt.analysis.report.document import pdf_document
+    from uavrt.analysis.report.page import html_page
     from uavrt.analysis.survey import read_survey
+    from uavrt.recording.formats.whole_file import write_whole
 
     how = place.read_as()
     survey = read_survey(flight, how)
@@ -76,13 +78,14 @@ def report(
         print(f"uavrt: {warning}", file=sys.stderr)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"
     folder = output or (flight if flight.is_dir() else flight.parent)
-    written = write_report(
-        survey,
-        folder / f"{name}.html" if html else None,
-        folder / f"{name}.pdf" if pdf else None,
-    )
-    for path in written:
-        print(path)
+    paths = folder / f"{name}.html", folder / f"{name}.pdf"
+    if html:
+        write_whole(paths[0], html_page(survey))
+    if pdf:
+        write_whole(paths[1], pdf_document(survey))
+    for path, wanted in zip(paths, (html, pdf), strict=True):
+        if wanted:
+            print(path)
 
 
 def _silences(

@@ -95,10 +95,7 @@ def run(
 
 
 def without_autopilot(settings: Settings) -> Settings:
-    """Leave the autopilot out where the pose comes from another source.
-
-    Raises `ConfigError`: an autopilot is named, too; or a setting of that pose is missing.
-    """
+    """Leave the autopilot out where the pose comes from elsewhere; raises `ConfigError`."""
     if settings.pose.source == "autopilot":
         return settings
     pose_address(settings.pose)

@@ -11,8 +11,8 @@ import secrets
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from uavrt.config.loader import load_settings
 from uavrt.config.radios import RADIOS
 from uavrt.config.setting_writer import change_settings
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, FormatError, UsageError
+from uavrt.errors import ConfigError, FormatError, UsageError, os_errors_as
 from uavrt.foreign import KEYS, read_file
 from uavrt.localization.antenna import PATTERNS
 from uavrt.mavlink.address import parse_address
@@ -298,16 +298,13 @@ class FirstSetup:
         return installed is not None and installed.keys.exists()
 
 
-@contextmanager
-def _writing(directory: Path) -> Iterator[None]:
+def _writing(directory: Path) -> AbstractContextManager[None]:
     """Name the remedy if the disk cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        raise ConfigError(
-            f"{directory} cannot be written: {error.strerror or error}",
-            remedy="See whether the card is full or read-only: uavrt doctor",
-        ) from error
+    return os_errors_as(
+        ConfigError,
+        f"{directory} cannot be written",
+        "See whether the card is full or read-only: uavrt doctor",
+    )
 
 
 def _text(values: dict[str, Any], name: str) -> str:

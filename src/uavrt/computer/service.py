@@ -263,10 +263,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and disable the service, and remove unit and rule; flights stay.
-
-    Raises `UsageError` without permission.
-    """
+    """Stop and remove the service, not its flights; raises `UsageError` without permission."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:

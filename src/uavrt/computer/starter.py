@@ -35,9 +35,7 @@ def install_starter(program: Path, place: Path) -> list[Path]:
         )
     files = {place / ENTRY: entry_text(program), place / ICON: ICON_TEXT}
     for path, text in files.items():
-        with os_errors_as(
-            UsageError, f"{path} cannot be written", remedy="Give another --directory"
-        ):
+        with os_errors_as(UsageError, f"{path} cannot be written", "Give another --directory"):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(path, text)
     return list(files)

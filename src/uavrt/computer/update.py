@@ -45,10 +45,7 @@ SPACE_FACTOR = 2.2
 
 
 def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
-    """Read an update and decide whether it may be installed here.
-
-    Raises `UavrtError` if it is damaged, unsigned or not newer, or there is no room.
-    """
+    """Decide whether an update may be installed here; raises `UavrtError` if it may not."""
     place.require()
     update = read_update(path, place.keys)
     if place.before() is not None:

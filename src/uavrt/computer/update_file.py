@@ -173,10 +173,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
-    """Write the wheels of a ``.tar``, each compared with the signed manifest.
-
-    Raises `FormatError` if one is missing, truncated, or does not match its signature.
-    """
+    """Write the wheels of a ``.tar``; raises `FormatError` for one that is not as signed."""
     assert update.manifest is not None
     with _opened(update.path) as archive:
         for wheel in update.manifest.files:
@@ -267,10 +264,7 @@ def split_keys(text: str) -> list[str]:
 
 
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
-    """Raise `UsageError` unless one of the keys has signed the content.
-
-    Also without a key, or if users other than their owner may change the keys.
-    """
+    """Raise `UsageError` unless a key that only its owner may change has signed the content."""
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:
         with tempfile.TemporaryDirectory(prefix="uavrt-update-") as name:

@@ -19,7 +19,7 @@ def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> byte
     Raises `ConfigError`: there is no such file, other users may read or change it, or it does
     not hold that many hexadecimal digits.
     """
-    with os_errors_as(ConfigError, f"cannot read the {what} {path}", remedy=REMEDY):
+    with os_errors_as(ConfigError, f"cannot read the {what} {path}", REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")
         # Windows keeps its permissions elsewhere.
         mode = os.stat(path).st_mode if os.name == "posix" else 0

@@ -32,11 +32,7 @@ _WIDTH = 92
 
 
 def load_settings(path: str | os.PathLike[str]) -> Settings:
-    """Read ``uavrt.toml``; missing settings have their defaults.
-
-    Raises `ConfigError`: the file cannot be read, or has faults: all are listed, each with its
-    line.
-    """
+    """Read ``uavrt.toml``; raises `ConfigError` that lists all faults with their lines."""
     name = os.fspath(path)
     with os_errors_as(
         ConfigError,

@@ -218,11 +218,7 @@ def parameter_values(settings: Settings) -> dict[str, float]:
 
 
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
-    """Get the settings with one parameter changed.
-
-    Raises `ConfigError`: there is no such parameter, or the value is not allowed; the text
-    gives the range.
-    """
+    """Settings with one parameter changed; raises `ConfigError` with the allowed range."""
     parameter = PARAMETERS.get(name)
     if parameter is None:
         raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")

@@ -12,7 +12,7 @@ from uavrt.config.tag_info import format_tag_info, parse_tag_info
 from uavrt.config.tag_rules import tags_from_drafts
 from uavrt.config.tags_toml import format_tags_toml, parse_tags_toml
 from uavrt.config.text_files import decode_text
-from uavrt.errors import ConfigError, TagFileError
+from uavrt.errors import ConfigError, TagFileError, os_errors_as
 from uavrt.foreign import TAGS, read_file, shortened
 from uavrt.messages import Tag
 
@@ -25,14 +25,12 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
     Raises `TagFileError`: the file has faults; all are listed, each with its line.
     Raises `ConfigError`: there is no such file, or it cannot be read.
     """
-    try:
+    with os_errors_as(
+        ConfigError,
+        f"cannot read the tag file {os.fspath(path)}",
+        "Check the name; docs/reference/tag-files.md shows how a tag file is written",
+    ):
         content = read_file(path, TAGS)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read the tag file {os.fspath(path)}: {error.strerror}",
-            remedy="Check the name; docs/reference/tag-files.md shows how a tag file is "
-            "written",
-        ) from error
     return parse_tags(content, name=os.fspath(path))
 
 
@@ -161,10 +159,9 @@ def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
     check_tag_file_name(path)
     target = Path(path)
     text = tags_as_text(tags, target.suffix)
-    try:
+    with os_errors_as(
+        ConfigError,
+        f"cannot write the tag file {target}",
+        "Choose a directory that exists and can be written",
+    ):
         write_atomically(target, text)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write the tag file {target}: {error.strerror}",
-            remedy="Choose a directory that exists and can be written",
-        ) from error

@@ -3,7 +3,7 @@
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import msgspec
@@ -74,10 +74,6 @@ class SearchSummary:
     def complete(self) -> bool:
         """True if every animal was found."""
         return all(one.found for one in self.tags.values())
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain values for JSON."""
-        return asdict(self)
 
     def table(self) -> Table:
         """Table for a terminal."""

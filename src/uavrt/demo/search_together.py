@@ -3,7 +3,7 @@
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
@@ -44,10 +44,6 @@ class TogetherSummary:
     def complete(self) -> bool:
         """True if every animal was found."""
         return self.found == {tag for drone in self.drones.values() for tag in drone.tags}
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain values for JSON."""
-        return asdict(self)
 
 
 class TogetherDemo:

@@ -8,7 +8,7 @@ For a coded tag a burst counts as a pulse.
 import bisect
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 from rich.table import Table
 
@@ -57,10 +57,6 @@ class DemoSummary:
     cpu_seconds: dict[str, float]
     duration_s: float
     flight_directory: str
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain values for JSON."""
-        return asdict(self)
 
     def table(self) -> Table:
         """Table for a terminal."""

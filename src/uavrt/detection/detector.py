@@ -13,23 +13,16 @@ from numpy.typing import NDArray
 
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
-from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
-from uavrt.detection.search.refine import Measured, Refiner
 from uavrt.detection.signal.block_order import Intake, LongestBlock
 from uavrt.detection.signal.frequency_circle import apart_hz, in_channel_hz
 from uavrt.detection.signal.samples import Counters
 from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt.detection.track.bounds import Bounds
-from uavrt.detection.track.bursts import Bursts
-from uavrt.detection.track.chance import OnAir
-from uavrt.detection.track.following import Follower
-from uavrt.detection.track.judging import Judge, share_a_pulse
 from uavrt.detection.track.reporting import Reporter
 from uavrt.detection.track.search_band import SearchBand
-from uavrt.detection.track.senders import Senders
+from uavrt.detection.track.tracking import SearchWindow, Tracking
 from uavrt.detection.track.tracks import Track
-from uavrt.detection.track.unlocked import forget_old, joined
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -39,7 +32,6 @@ NumPy's cost per call. Five blocks of 87.4 ms are 0.437 s; a pulse is reported a
 after it."""
 _FIRST_STEP = 0.7639
 """Ratio of the first step to later ones: three blocks of 87 ms suffice to estimate noise."""
-_MAXIMUM_TRACKS = 12
 
 
 class PulseDetector:
@@ -95,9 +87,7 @@ class PulseDetector:
         )
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
-        """Absolute frequency of a hard lock until `reset`; None before the first."""
-        self.senders: Senders[PulseDetector] | None = None
-        """Decides, with the detectors of the same band, which tracks are its tag's."""
+        """What a hard lock keeps to until `reset`, absolute; None before the first."""
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
@@ -108,61 +98,45 @@ class PulseDetector:
             sample_rate_hz=self.sample_rate_hz,
             counters=self.counters,
         )
-        self._look_around(self._nominal_hz, self.frequency_window_hz)
+        self._window = self._window_at(self._nominal_hz, self.frequency_window_hz)
+        self.tracking = Tracking(
+            *(self.operating_mode, self._window, self._buffer, self._reporter),
+            center_frequency_hz=self.center_frequency_hz,
+            counters=self.counters,
+        )
         self._start()
 
-    def _look_around(self, offset_hz: float, half_width_hz: float) -> None:
-        self._home_hz = offset_hz
-        self._bounds = bounds = Bounds(
+    def _window_at(self, home_hz: float, half_width_hz: float) -> SearchWindow:
+        bounds = Bounds(
             tag=self.tag,
-            home_hz=offset_hz,
+            home_hz=home_hz,
             half_width_hz=half_width_hz,
             sample_rate_hz=self.sample_rate_hz,
             excluded_hz=self._excluded_hz,
         )
-        self._grid = make_grid(
-            sample_rate_hz=self.sample_rate_hz,
-            pulse_width_s=self.tag.pulse_width_s,
-            offset_hz=offset_hz,
-            half_width_hz=half_width_hz,
-        )
-        grid, buffer = self._grid, self._buffer
-        self._refiner = Refiner(grid, buffer)
-        self._judge = Judge(bounds, grid=grid, buffer=buffer, refiner=self._refiner)
-        self._follower = Follower(bounds, grid=grid, buffer=buffer, refiner=self._refiner)
-
-    def _make_band(self) -> SearchBand:
-        bounds = self._bounds
-        return SearchBand(grid=self._grid, buffer=self._buffer, bounds=bounds, batch_s=BATCH_S)
-
-    def _take_band(self, band: SearchBand) -> None:
-        self.band = band
-        self._refiner.leveller = band.leveller
+        return SearchWindow(bounds, self._buffer, BATCH_S)
 
     def _start(self, epoch_ns: int = 0, tracks: tuple[Track, ...] = ()) -> None:
         self._intake.clear()
-        self._take_band(self._make_band())
+        self._window.restart()
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
             counters=self.counters,
-            band_hz=(self._home_hz, self._bounds.half_width_hz),
+            band_hz=(self._window.bounds.home_hz, self._window.bounds.half_width_hz),
         )
         self._advances = 0
         self._clean = 0
-        self._bursts: Bursts | None = None
         # All tags of a flight at the same block: what they share is done once, and caches are
         # warm. 100 cost 40 % less than spread over five blocks, and take 20 ms of one's 87.
         self._patience = round(self._batch * _FIRST_STEP)
-        self._tracks = list(tracks)
-        self._knows = False
-        """True if the band suppresses what known pulses explain."""
-        self._follower.epoch_ns = epoch_ns
+        self.tracking.restart(self._window, tracks)
+        self._window.follower.epoch_ns = epoch_ns
 
     def reset(self) -> None:
         """Clear samples, tracks and the locked frequency, not counters and group numbers."""
         self.locked_frequency_hz = None
-        self._look_around(self._nominal_hz, self.frequency_window_hz)
+        self._window = self._window_at(self._nominal_hz, self.frequency_window_hz)
         self._start()
 
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
@@ -209,15 +183,15 @@ class PulseDetector:
         if not len(samples):
             return 0
         if self._buffer.empty:
-            self._follower.epoch_ns = time_ns
+            self._window.follower.epoch_ns = time_ns
         after = self._clean + self._cleaner.margin
         outcome = self._intake.admit(samples, time_ns, after=after)
         if outcome in ("later", "earlier"):
             if outcome == "later":
                 self._advance(self._buffer.end)
-                if self.senders is not None:
-                    self.senders.settle()
-                self._start(time_ns, self._follower.carried(self._tracks))
+                if self.tracking.senders is not None:
+                    self.tracking.senders.settle()
+                self._start(time_ns, self._window.follower.carried(self.tracks))
             else:
                 self._start(time_ns)
             outcome = self._intake.admit(samples, time_ns, after=0)
@@ -265,14 +239,14 @@ class PulseDetector:
         if not self._buffer.empty:
             # A track looks a little past where it expects its pulse: nothing lies there.
             beyond_s = 3.0 * self.tag.interval_uncertainty_s + self.tag.interval_jitter_s
-            beyond = math.ceil(beyond_s * self.sample_rate_hz) + 2 * self._grid.window
+            beyond = math.ceil(beyond_s * self.sample_rate_hz) + 2 * self._window.grid.window
             self._buffer.append_hole(beyond)
             self._advance(self._buffer.end, last=True)
 
     def leave(self) -> list[Pulse]:
         """Report everything that is complete, and reset."""
         if not self._buffer.empty:
-            for track in self._tracks:
+            for track in self.tracks:
                 self._reporter.report(track, last=True)
         pulses = self._reporter.drain()
         self._start()
@@ -289,13 +263,18 @@ class PulseDetector:
 
     @property
     def tracks(self) -> list[Track]:
-        """All tracks, of its tag or not."""
-        return self._tracks
+        """All tracks that it follows, of its tag or not."""
+        return self.tracking.tracks
+
+    @property
+    def band(self) -> SearchBand:
+        """The search in force."""
+        return self._window.band
 
     @property
     def now_s(self) -> float:
-        """Time up to which it has searched, in its tracks' seconds."""
-        return self._follower.seconds(self._clean)
+        """Up to when it has searched, in its tracks' seconds."""
+        return self._window.follower.seconds(self._clean)
 
     @property
     def half_width_hz(self) -> float:
@@ -308,12 +287,13 @@ class PulseDetector:
         return self.tag.frequency_hz + away_hz
 
     def could_be(self, frequency_hz: float) -> bool:
-        """True if its tag may be at an absolute frequency."""
-        return self._bounds.off_frequency(frequency_hz - self.center_frequency_hz) is None
+        """Whether its tag may be at an absolute frequency."""
+        offset_hz = frequency_hz - self.center_frequency_hz
+        return self._window.bounds.off_frequency(offset_hz) is None
 
     def time_ns(self, time_s: float) -> float:
-        """Absolute time at its tracks' seconds."""
-        return self._follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
+        """Absolute time of its tracks' seconds."""
+        return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
         """Report the pulses of a track, if it is not held."""
@@ -321,7 +301,7 @@ class PulseDetector:
 
     def other_signals(self) -> list[Track]:
         """Tracks with the tag's interval that are not the tag: further from its frequency."""
-        return [t for t in self._tracks if t.confirmed and t.held]
+        return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
         if upto <= self._clean and not last:
@@ -337,7 +317,7 @@ class PulseDetector:
             many_lines=self._cleaner.many_lines, whitened=self._cleaner.whitening
         )
         self._advances += 1
-        self._refiner.upto = upto
+        self._window.refiner.upto = upto
         self._clean = upto
         self._patience = self._batch
 
@@ -346,161 +326,28 @@ class PulseDetector:
         if results is None:
             return
         upto = self._clean
-        self._bursts = None
-        for search, found in results:
-            if found:
-                self._consider(found, search)
-        if self.operating_mode is OperatingMode.ALL_NEVER_LOCK:
-            forget_old(self._tracks, self.now_s)
-        elif self._tracks or self._knows:
-            self._follower.follow(
-                self._tracks,
-                upto,
-                self._settle,
-                noise=self.band.noise,
-                floor=self._cleaner.mean_floor,
-                around=self._around,
-            )
-            known = self._judge.known(self._tracks)
-            self._knows = known is not None
-            self.band.know(known)
+        self.tracking.conclude(results, upto, floor=self._cleaner.mean_floor)
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
         self._reporter.searched(self._buffer.time_ns(upto), self.band, self._cleaner.occupancy)
 
-    def _consider(self, found: list[Candidate], search: RateSearch) -> None:
-        """Turn candidates into groups; several candidates of the same pulses become one."""
-        taken: list[list[Measured]] = []
-        untracked = self.operating_mode is OperatingMode.ALL_NEVER_LOCK
-        rate_hz = self.sample_rate_hz
-        known = None if untracked else self._judge.known(self._tracks)
-        for candidate in self._judge.unexplained(found, search, known):
-            if not self._judge.is_new(candidate, search, taken):
-                continue
-            if not self._judge.suffices(candidate, search, self.band.noise):
-                continue
-            places = self._judge.measure(candidate, search, self.band.noise)
-            if places is None:
-                continue
-            group = [pulse for _, pulse in places]
-            if any(share_a_pulse(group, other, self._grid.window) for other in taken):
-                continue
-            taken.append(group)
-            clash = [t for t in self._tracks if self._judge.overlaps(t, group)]
-            if (
-                any(t.confirmed or self._judge.equals(t, group) for t in clash)
-                and not untracked
-            ):
-                continue
-            places, reason = self._judge.own_pulses(
-                places,
-                search,
-                candidate=candidate,
-                noise=self.band.noise,
-                floor=self._cleaner.mean_floor,
-            )
-            if reason is not None:
-                self.counters.reject(reason)
-                continue
-            pulses = [
-                (place, self._follower.seconds(m.start), self._buffer.time_ns(m.start), m)
-                for place, m in places
-            ]
-            if untracked:
-                track = joined(
-                    self._tracks,
-                    pulses,
-                    rate=search.rate,
-                    sample_rate_hz=rate_hz,
-                    around=self._around,
-                )
-                if track is not None:
-                    self._reporter.report(track)
-                if track is not None or clash:
-                    continue  # these are known pulses, at a frequency to which they leak
-            self._begin(pulses, candidate, held=bool(clash))
-
-    def _begin(
-        self,
-        pulses: list[tuple[int, float, int, Measured]],
-        candidate: Candidate,
-        *,
-        held: bool,
-    ) -> None:
-        track = Track(
-            tag=self.tag, rate=candidate.rate, offset_hz=0.0, score=max(1.0, candidate.score)
-        )
-        track.begin(pulses, self._around)
-        track.clashing = held
-        if self.senders is not None:
-            track.held = True  # until they have decided
-        elif self.operating_mode is not OperatingMode.ALL_NEVER_LOCK:
-            track.held = held or self._owner() is not None
-        self.counters.tracks += 1
-        self._tracks.append(track)
-        self._reporter.report(track)
-        if len(self._tracks) > _MAXIMUM_TRACKS:
-            self._tracks.remove(
-                min(
-                    self._tracks,
-                    key=lambda t: (t.confirmed, not t.held, min(t.odds, 0.0), t.score),
-                )
-            )
-
-    def _around(self, track: Track, found: Measured) -> OnAir:
-        if self._bursts is None:
-            known = [
-                (slot.measured.start, slot.measured.offset_hz, math.inf)
-                for t in self._tracks
-                if t.sure
-                for slot in t.slots
-                if slot.state in ("accepted", "reported")
-            ]
-            if self.senders is not None:
-                center_hz = self.center_frequency_hz
-                times_ns, how = self.senders.heard_where(
-                    lambda hz: self._bounds.on_frequency(hz - center_hz)
-                )
-                offsets_hz = (how[:, 0] - center_hz).tolist()
-                indices = self._buffer.indices(times_ns).tolist()
-                known += zip(indices, offsets_hz, how[:, 1].tolist(), strict=True)
-            self._bursts = self.band.bursts(known)
-        return self._bursts.around(track, found)
-
-    def _settle(self) -> None:
-        if self.senders is not None:
-            for track in self._tracks:
-                # Of what has just been confirmed they decide first whose it is.
-                if track.confirmed == track.shared_as_confirmed:
-                    self._reporter.report(track)
-        elif self._tracks:
-            self._reporter.settle(self._tracks, self._home_hz, self.now_s)
-
-    def _owner(self) -> Track | None:
-        if self.senders is None:
-            return self._reporter.owner(self._tracks, self._home_hz, self.now_s)
-        tags = (t for t in self._tracks if t.confirmed and t.ghost_of is None)
-        return next((t for t in tags if not (t.held or t.dead)), None)
-
     def _lock(self) -> None:
-        """Lock to the frequency of the tag once two of its groups were received."""
-        owner = self._owner()
+        """Keep to the frequency of the tag once two of its groups were heard."""
+        owner = self.tracking.owner()
         if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
             return
         locked = self.locked_frequency_hz is not None
         rate_hz, found_hz = self.sample_rate_hz, owner.offset_hz
-        if (
-            locked
-            and abs(apart_hz(found_hz, self._home_hz, rate_hz)) < 0.5 * LOCK_HALF_WIDTH_HZ
-        ):
+        off_hz = abs(apart_hz(found_hz, self._window.bounds.home_hz, rate_hz))
+        if locked and off_hz < 0.5 * LOCK_HALF_WIDTH_HZ:
             return
         found_hz = in_channel_hz(found_hz, nominal_hz=self._nominal_hz, sample_rate_hz=rate_hz)
         self.locked_frequency_hz = self.center_frequency_hz + found_hz
         half_width_hz = min(self.frequency_window_hz, LOCK_HALF_WIDTH_HZ)
-        before, epoch_ns = self.band, self._follower.epoch_ns
-        self._look_around(found_hz, half_width_hz)
-        self._follower.epoch_ns = epoch_ns
-        self._refiner.upto = self._clean
-        self._take_band(self._make_band())
-        self.band.take_over(before, self._clean)
-        self._tracks = [t for t in self._tracks if not self._bounds.left_by(t)]
+        before = self._window
+        self._window = window = self._window_at(found_hz, half_width_hz)
+        window.follower.epoch_ns = before.follower.epoch_ns
+        window.refiner.upto = self._clean
+        window.restart()
+        window.band.take_over(before.band, self._clean)
+        self.tracking.move(window)

@@ -11,7 +11,7 @@ more steps. The latency is 0.25 s on average and 0.47 s at most. The steps of al
 the same block, so that code and caches are warm (3 %).
 """
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,6 +76,45 @@ class _Channel:
         self.soonest = min(m.due for m in self.members)
 
 
+class _RingMemory:
+    """One memory for the rings of all detectors."""
+
+    def __init__(self) -> None:
+        self._memory = np.zeros(0, np.float32)
+        self._homes: dict[_Member, list[tuple[int, int]]] = {}
+        """Where in the memory a member's rings lie, and their sizes."""
+
+    def rebuild(self) -> None:
+        """Make another, for other members, when it is used next."""
+        self._homes.clear()
+
+    def house(self, member: _Member, members: Iterable[_Member]) -> None:
+        """Have a member's rings in it, where they can be looked at with those of `members`."""
+        searches = member.detector.band.anchor_searches()
+        if all(search.memory is self._memory for search in searches):
+            return
+        if not self._homes:
+            self._build(members)
+        for search, (base, size) in zip(searches, self._homes[member], strict=False):
+            if search.memory is not self._memory and search.size <= size:
+                search.settle_in(self._memory, base)
+
+    def _build(self, members: Iterable[_Member]) -> None:
+        total = 0
+        longest = 0
+        for member in members:
+            homes = self._homes[member] = []
+            for search in member.detector.band.anchor_searches():
+                homes.append((total, search.size))
+                total += search.size
+                longest = max(longest, search.stretch)
+        self._memory = np.zeros(total + longest, np.float32)
+        for member, homes in self._homes.items():
+            searches = member.detector.band.anchor_searches()
+            for search, (base, _) in zip(searches, homes, strict=True):
+                search.settle_in(self._memory, base, empty=True)
+
+
 class DetectorGroup:
     """Detectors fed channel by channel; their pulses are collected when all channels are in.
 
@@ -93,9 +132,7 @@ class DetectorGroup:
         self._due: list[_Channel] = []
         self._pulses: list[Pulse] = []
         self._workspace = Workspace()
-        self._memory = np.zeros(0, np.float32)
-        self._homes: dict[_Member, list[tuple[int, int]]] = {}
-        """Position of a member's rings in the shared memory, and their sizes."""
+        self._rings = _RingMemory()
         self.alone: frozenset[int] = frozenset()
         """Ids of tags that are searched separately, since one of them may cause a failure."""
         self.in_hand: tuple[PulseDetector, ...] = ()
@@ -112,7 +149,7 @@ class DetectorGroup:
             # A little less than a detector's own.
             tolerance_ns=0.99 * width_s / 8.0 * NANOSECONDS_PER_SECOND,
         )
-        self._homes.clear()
+        self._rings.rebuild()
         self._find_company()
 
     def __contains__(self, channel: Hashable) -> bool:
@@ -121,7 +158,10 @@ class DetectorGroup:
     @property
     def detectors(self) -> list[PulseDetector]:
         """All detectors, in the order in which they were added."""
-        return [m.detector for channel in self._channels.values() for m in channel.members]
+        return [member.detector for member in self._members()]
+
+    def _members(self) -> Iterator[_Member]:
+        return (member for line in self._channels.values() for member in line.members)
 
     def put(self, channel: Hashable, samples: NDArray[np.complex64], time_ns: int) -> None:
         """Process the next block of a channel.
@@ -161,7 +201,7 @@ class DetectorGroup:
         for member in hurried:
             self.in_hand = (member.detector,)
             member.taken += 1
-            if member.detector.senders is None:
+            if member.detector.tracking.senders is None:
                 self._pulses += member.detector.process(samples, time_ns)
                 line.wait(member)
             else:
@@ -226,7 +266,7 @@ class DetectorGroup:
                     line.wait(member)
                     continue
                 again.append((line, member, length))
-                self._house(member)
+                self._rings.house(member, self._members())
                 detector.prepare(upto)
                 key = None
                 if detector.tag.tag_id not in self.alone:
@@ -272,7 +312,7 @@ class DetectorGroup:
 
     @staticmethod
     def _company(detectors: Iterable[PulseDetector]) -> list[Senders[PulseDetector]]:
-        found = {id(d.senders): d.senders for d in detectors if d.senders is not None}
+        found = {id(one): one for d in detectors if (one := d.tracking.senders) is not None}
         return list(found.values())
 
     def _find_company(self) -> None:
@@ -283,11 +323,11 @@ class DetectorGroup:
         ]
         for places in overlapping([_band_hz(detector) for detector in able]):
             together = [able[place] for place in places]
-            known = together[0].senders
+            known = together[0].tracking.senders
             if len(together) > 1 and (known is None or len(known.hearers) < len(together)):
                 senders = Senders(together)
                 for detector in together:
-                    detector.senders = senders
+                    detector.tracking.senders = senders
 
     def _step(self, steps: list[tuple[PulseDetector, int]]) -> None:
         self.in_hand = tuple(detector for detector, _ in steps)
@@ -300,33 +340,6 @@ class DetectorGroup:
         for (detector, _), result in zip(steps, results, strict=True):
             self.in_hand = (detector,)
             detector.conclude(result)
-
-    def _house(self, member: _Member) -> None:
-        """Move a member's rings to the shared memory, for joint searches."""
-        searches = member.detector.band.anchor_searches()
-        if all(search.memory is self._memory for search in searches):
-            return
-        if not self._homes:
-            self._build()
-        for search, (base, size) in zip(searches, self._homes[member], strict=False):
-            if search.memory is not self._memory and search.size <= size:
-                search.settle_in(self._memory, base)
-
-    def _build(self) -> None:
-        total = 0
-        longest = 0
-        for line in self._channels.values():
-            for member in line.members:
-                homes = self._homes[member] = []
-                for search in member.detector.band.anchor_searches():
-                    homes.append((total, search.size))
-                    total += search.size
-                    longest = max(longest, search.stretch)
-        self._memory = np.zeros(total + longest, np.float32)
-        for member, homes in self._homes.items():
-            searches = member.detector.band.anchor_searches()
-            for search, (base, _) in zip(searches, homes, strict=True):
-                search.settle_in(self._memory, base, empty=True)
 
 
 def _band_hz(detector: PulseDetector) -> tuple[float, float]:

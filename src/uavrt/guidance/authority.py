@@ -91,9 +91,9 @@ class Authority:
             place=place,
             home=home,
             hands=vehicle.hands(now_s, self._unwatched),
-            yaw=resting(heading, now_s, vehicle.turning_deg_s, SAFETY.heading_error_deg),
+            yaw=resting(heading, now_s, vehicle.turning_deg_s, SAFETY.yaw_deg),
             target_yaw=resting(
-                target, now_s, vehicle.target_turning_deg_s, SAFETY.target_heading_error_deg
+                target, now_s, vehicle.target_turning_deg_s, SAFETY.target_yaw_deg
             ),
         )
         self._offers.add(offer)

@@ -66,7 +66,7 @@ class Commanded:
             self.yaw = YawWatch(
                 start_s=self.sent_s,
                 yaw_deg=start.yaw_deg,
-                tolerance_deg=SAFETY.heading_error_deg,
+                tolerance_deg=SAFETY.yaw_deg,
                 wanted_deg=self._wanted_yaw_deg,
                 turn_deg=None if turns is None else turns.turn_deg,
                 rate_deg_s=0.0 if turns is None else turns.rate_deg_s,
@@ -141,7 +141,7 @@ class Commanded:
             self.target_yaw = YawWatch(
                 start_s=self.sent_s,
                 yaw_deg=seen.yaw_deg,
-                tolerance_deg=SAFETY.target_heading_error_deg,
+                tolerance_deg=SAFETY.target_yaw_deg,
                 wanted_deg=self._wanted_yaw_deg,
                 turning_deg_s=turning_deg_s,
                 exact=True,
@@ -172,10 +172,7 @@ class Commanded:
 
     def _waits(self, seen: TargetSeen) -> bool:
         """True if the report may be older than the autopilot's reaction to the command."""
-        return (
-            not self.obeyed
-            and self._made_s(seen) - self.sent_s < SAFETY.target_changes_within_s
-        )
+        return not self.obeyed and self._made_s(seen) - self.sent_s < SAFETY.target_changes_s
 
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
         """True if the target may be the previous one, or caused by our change of mode."""
@@ -197,10 +194,8 @@ class Commanded:
         place = wish if isinstance(wish, FlyThere) else self.before
         left = 0.0 if place is None else between_m(seen, place)
         self.left_m = min(self.left_m, left)
-        lowest, highest = (
-            self.lowest_m - SAFETY.height_error_m,
-            self.highest_m + SAFETY.height_error_m,
-        )
+        off = SAFETY.height_error_m
+        lowest, highest = self.lowest_m - off, self.highest_m + off
         if left > self.left_m + self.slack_m:
             return "the drone does not fly to our target"
         if not lowest <= seen.altitude_amsl_m <= highest:
@@ -220,11 +215,7 @@ class Commanded:
         if not isinstance(wish, FlyThere):
             return self.yaw.fault(made_s, seen.yaw_deg)
         bearing_deg, away_m = seen.way_to(wish)
-        least_m_s = (
-            SAFETY.course_speed_m_s
-            if away_m > SAFETY.frozen_m
-            else SAFETY.near_course_speed_m_s
-        )
+        least_m_s = SAFETY.course_m_s if away_m > SAFETY.frozen_m else SAFETY.near_course_m_s
         follows = self.manners.follows_course and seen.speed_m_s > least_m_s
         course_deg = seen.course_deg if follows else None
         return self.yaw.fault(made_s, seen.yaw_deg, bearing_deg, away_m, course_deg)
@@ -237,10 +228,7 @@ class Commanded:
         if self.obeyed and rises:
             left = abs(self.highest_m - altitude)
             part = Left(
-                now=left,
-                soon=left,
-                least=SAFETY.height_progress_m,
-                tolerance=SAFETY.takeoff_done_m,
+                now=left, soon=left, least=SAFETY.higher_m, tolerance=SAFETY.takeoff_done_m
             )
             self.progress.see(seen.time_s, part)
         off = SAFETY.height_error_m if rises else SAFETY.takeoff_rise_m
@@ -257,8 +245,8 @@ class Commanded:
             if yaw is None or yaw.turn_deg is None:
                 return ()
             left = abs(yaw.turn_deg) - yaw.turned_deg
-            least = min(SAFETY.heading_progress_deg, 1.5 * yaw.rate_deg_s)
-            return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_heading_deg),)
+            least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
+            return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)
         bearing, left = seen.way_to(wish)
         height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
         stops = [
@@ -270,12 +258,7 @@ class Commanded:
         self.not_settled_yet = not self.settled and left <= SAFETY.arrived_m
         near = SAFETY.arrived_m if self.settled else self.manners.settles_m
         place = Left(now=left, soon=soon, least=SAFETY.nearer_m, tolerance=near)
-        up = Left(
-            now=height,
-            soon=height,
-            least=SAFETY.height_progress_m,
-            tolerance=SAFETY.at_height_m,
-        )
+        up = Left(now=height, soon=height, least=SAFETY.higher_m, tolerance=SAFETY.at_height_m)
         if seen.yaw_deg is None:
             return place, up
         asked = None if yaw is None else yaw.wanted_deg
@@ -284,8 +267,8 @@ class Commanded:
         heading = Left(
             now=abs(off),
             soon=abs(off - stops_deg),
-            least=SAFETY.heading_progress_deg,
-            tolerance=SAFETY.gust_heading_deg if asked is None else SAFETY.at_heading_deg,
+            least=SAFETY.turned_deg,
+            tolerance=SAFETY.gust_heading_deg if asked is None else SAFETY.at_yaw_deg,
             needed=asked is not None,
         )
         return place, up, heading

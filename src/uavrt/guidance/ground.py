@@ -18,7 +18,7 @@ _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
 """Above sea level [m] at latitudes and longitudes; NaN where nothing is known."""
 STEP_M = 10.0
-_MOST_STEPS = 300
+_MOST_SQUARES = 300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,7 +41,7 @@ class GroundAround:
         cls, heights_at: HeightsAt, plane: TangentPlane, reach_m: float
     ) -> "GroundAround":
         """Read the map around home; raises `PlanError` if home's elevation is missing."""
-        step = max(STEP_M, reach_m / _MOST_STEPS)
+        step = max(STEP_M, reach_m / _MOST_SQUARES)
         count = int(np.ceil(reach_m / step)) + 1
         along = step * np.arange(-count, count + 1)
         latitude, longitude = plane.to_geodetic(*np.meshgrid(along, along))

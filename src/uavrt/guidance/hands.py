@@ -51,9 +51,7 @@ class HandWatch:
         now, then = (one + (0,) * (most - len(one)) for one in (now_us, then_us))
         return [
             number
-            for number, (a, b) in enumerate(
-                zip(now, then, strict=True), SAFETY.first_switch_channel
-            )
+            for number, (a, b) in enumerate(zip(now, then, strict=True), SAFETY.first_switch)
             if abs(a - b) >= SAFETY.switch_us and number not in self._unwatched
         ]
 

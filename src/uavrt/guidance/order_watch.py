@@ -215,7 +215,7 @@ class OrderWatch:
             self.own_mode_seen = True
             motion.in_own_mode()
             return None
-        waits = seen.time_s - motion.sent_s < SAFETY.mode_changes_within_s
+        waits = seen.time_s - motion.sent_s < SAFETY.mode_changes_s
         before = not self.own_mode_seen and seen.mode == self.offer.mode
         return None if before and waits else others
 

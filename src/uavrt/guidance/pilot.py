@@ -27,6 +27,29 @@ from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wis
 from uavrt.units import wrap_degrees_180
 
 
+class _BatteryWatch:
+    """Checks the battery at intervals."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._checked_s = 0.0
+        self._reported = False
+
+    def due(self, now: VehicleNow) -> bool:
+        """Whether a check is due."""
+        due = now.time_s >= self._checked_s + SAFETY.battery_s
+        self._checked_s = now.time_s if due else self._checked_s
+        return due
+
+    def reason(self, now: VehicleNow) -> str | None:
+        """Why the battery requires the return: low charge, or no report."""
+        if now.battery_percent is not None:
+            self._reported = True
+        elif self._reported and self._limits.battery_wh is not None:
+            return "the battery is no longer reported"
+        return must_return(now, self._limits)
+
+
 class Pilot:
     """Flies one order.
 
@@ -52,9 +75,8 @@ class Pilot:
         """True if other drones search, too: it then flies home at its own height, because the
         autopilot's return may climb into another's height."""
         self._asks = False
-        """Set while the operator must decide: it then only holds."""
-        self._battery_s = 0.0
-        self._battery_told = False
+        """Nothing but holding is right until the operator decides."""
+        self._battery = _BatteryWatch(limits)
         self._sent = self._refused_before = 0
         self._failed: str | None = None
         """Why the order is cut short."""
@@ -198,7 +220,7 @@ class Pilot:
     def _done(self, step: Step, now: VehicleNow) -> bool:
         match step:
             case Turn():
-                return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_heading_deg
+                return now.turned_deg >= abs(step.turn_deg) - SAFETY.at_yaw_deg
             case Home() | Ready():
                 return True
             case Climb():
@@ -212,7 +234,7 @@ class Pilot:
             yaw = now.yaw_deg
             there = (
                 yaw is not None
-                and abs(wrap_degrees_180(step.yaw_deg - yaw)) < SAFETY.at_heading_deg
+                and abs(wrap_degrees_180(step.yaw_deg - yaw)) < SAFETY.at_yaw_deg
             )
         if not there:
             self._there_s = None
@@ -228,9 +250,8 @@ class Pilot:
             return None  # a take-off ends where it hovers, and says no more
         if self._failed is not None:
             return self._home(self._failed)
-        if now.time_s >= self._battery_s + SAFETY.battery_s:
-            self._battery_s = now.time_s
-            reason = self._battery_reason(now)
+        if self._battery.due(now):
+            reason = self._battery.reason(now)
             if reason is not None:
                 return self._home(reason)
             apart = map_fault(now, limits)
@@ -253,14 +274,6 @@ class Pilot:
         elif now.time_s - self._holding_s >= limits.return_after_s:
             return self._home("the link to the ground stays lost")
         return None
-
-    def _battery_reason(self, now: VehicleNow) -> str | None:
-        """Why the battery requires the return: low charge, or no report."""
-        if now.battery_percent is not None:
-            self._battery_told = True
-        elif self._battery_told and self._limits.battery_wh is not None:
-            return "the battery is no longer reported"
-        return must_return(now, self._limits)
 
     def _stop_at(self, now: VehicleNow) -> Go:
         """Where it comes to a stop on its way."""

@@ -21,8 +21,8 @@ from uavrt.units import wrap_degrees_360
 
 _CORNERS = 36
 _FASTEST_TURN_DEG_S = 45.0
-_MOST_TURNS, _MOST_LINES = 60, 200
-_CLIMB_M_S = 1.5
+_MOST_ORDER_TURNS, _MOST_LINES = 60, 200
+_SURE_CLIMB_M_S = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +136,7 @@ def _takeoff(
         raise PlanError(
             "the drone stands beyond the fence", remedy="Widen guidance.fence_m, or carry it"
         )
-    duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _CLIMB_M_S
+    duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _SURE_CLIMB_M_S
     check_battery(now, limits, duration, here, height)
     first = (Ready(),) if manners.own_mode_first else ()
     return Plan(
@@ -226,7 +226,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     """Positions along lines, each in the middle of its share; `PlanError` for too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
-    if sum(counts) > _MOST_TURNS:
+    if sum(counts) > _MOST_ORDER_TURNS:
         raise PlanError(
             f"{sum(counts)} places to turn at are too many",
             remedy="Choose a wider distance or a smaller area",

@@ -48,7 +48,7 @@ class SafetyLimits:
     switch_us: int = 250
     switch_moved_s: float = 0.1
     """Time after which one message suffices for a moved switch [s]; two do at once."""
-    first_switch_channel: int = 5
+    first_switch: int = 5
     """Number of the first channel after the sticks."""
 
     # Jumps of home since the confirmation, of altitude and of position that end the order [m].
@@ -73,8 +73,8 @@ class SafetyLimits:
     takeoff_begins_within_s: float = 10.0
     # Times for which the reports of before a command are right [s]. Targets change in 0.05 to
     # 0.09 s; PX4 reports the mode at 2 Hz.
-    target_changes_within_s: float = 0.5
-    mode_changes_within_s: float = 1.5
+    target_changes_s: float = 0.5
+    mode_changes_s: float = 1.5
     # Rise at which a take-off is obeyed, and distance below the top at which it is done [m].
     takeoff_rise_m: float = 1.0
     takeoff_done_m: float = 3.0
@@ -83,8 +83,8 @@ class SafetyLimits:
     # takes, height [m], the drone's own heading, and the one that it reports as its target [°].
     astray_m: float = 6.0
     height_error_m: float = 5.0
-    heading_error_deg: float = 25.0
-    target_heading_error_deg: float = 2.0
+    yaw_deg: float = 25.0
+    target_yaw_deg: float = 2.0
     gust_heading_deg: float = 15.0
     """Distance from the bearing within which a changing heading shows gusts, not a turn [°]."""
     # Weakest braking of a flight [m/s²] and of a turn [°/s²].
@@ -96,7 +96,7 @@ class SafetyLimits:
     # What may be left of place [m], height [m] and heading [°] of a step that is done.
     arrived_m: float = 3.0
     at_height_m: float = 2.0
-    at_heading_deg: float = 8.0
+    at_yaw_deg: float = 8.0
     no_progress_s: float = 3.0
     """Longest time without progress, also right after a command [s]. PX4 1.17 (SIH) made
     progress 0.7 to 1.3 s after a command from a stand, up to 2.495 s after one that replaced a
@@ -105,8 +105,8 @@ class SafetyLimits:
     """Time without progress after which no further command is sent until there is some [s]."""
     # Least change in `no_progress_s` that is progress; wind may slow a drone to that.
     nearer_m: float = 0.5
-    height_progress_m: float = 0.3
-    heading_progress_deg: float = 3.0
+    higher_m: float = 0.3
+    turned_deg: float = 3.0
     # A drone brakes if its standing place comes nearer by less than this in this time [s, m].
     braking_s: float = 0.5
     braking_m: float = 0.1
@@ -143,8 +143,8 @@ class SafetyLimits:
     """Angle from heading to course beyond which a turn in either direction is right [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
-    course_speed_m_s: float = 0.5
-    near_course_speed_m_s: float = 1.0
+    course_m_s: float = 0.5
+    near_course_m_s: float = 1.0
     # A heading that changes slower than this, for this long, stands [°/s, s].
     turning_deg_s: float = 4.0
     turned_s: float = 0.5

@@ -13,7 +13,7 @@ from uavrt.guidance.orders import Place
 
 _WAYPOINTS = range(16, 23)
 _RETURN = 20
-_MOST_PLACES = 20_000
+_MOST_LINE_PLACES = 20_000
 _REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
@@ -25,8 +25,8 @@ def way_in(text: str, name: str) -> tuple[Place, ...]:
     with in_words(f"{name} gives no way", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))
-        if len(places) > _MOST_PLACES:
-            raise ValueError(f"it has more than {_MOST_PLACES} places")
+        if len(places) > _MOST_LINE_PLACES:
+            raise ValueError(f"it has more than {_MOST_LINE_PLACES} places")
         check_places(places)
         return places if len(places) > 1 else ()
 

@@ -81,7 +81,7 @@ class CommandWriter:
         values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
         on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
         if not (on_globe and isfinite(wish.altitude_amsl_m)):
-            raise CommandRefused(f"{values} is no place")
+            raise CommandRefused(f"{values} is not a position")
         self._check_height(above_m)
         if home is None or self.farthest_m < between_m(wish, home):
             raise CommandRefused(

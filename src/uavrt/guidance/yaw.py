@@ -168,10 +168,8 @@ class YawWatch:
         """Expected heading and its uncertainty [deg]."""
         if self.wanted_deg is not None:
             return self.wanted_deg, 0.0
-        was_near, self._near = (
-            self._near,
-            bearing_deg is None or away_m < SAFETY.heading_stays_m,
-        )
+        was_near = self._near
+        self._near = bearing_deg is None or away_m < SAFETY.heading_stays_m
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(SAFETY.bearing_place_error_m / away_m))
         # A turn that is not over yet comes to its end first.

@@ -12,22 +12,8 @@ from numpy.typing import NDArray
 from scipy import ndimage, special, stats
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
+from uavrt.integration.tuning import BURSTS
 from uavrt.messages import Tag
-
-_STRETCHES = (0.0, -0.67, 0.67)
-"""Stretches tried, as parts of the gaps' tolerance: a crystal stretches all gaps alike."""
-_LOUD_PULSES = 2
-"""Share of a burst's pulses that must be loud for the burst to count as loud."""
-_CAP = 40.0
-"""Largest contribution of one pulse to recognising the code [noise energies]."""
-_UNEQUAL_CHANCE, _DOUBTFUL_CHANCE = 1e-3, 0.1
-"""Chance that equally strong pulses look more unequal; the second if others lie near them."""
-_UNLIKE, _UNLIKE_ALL = 0.25, 0.1
-"""Scatter of pulses in one burst, and over all bursts, beyond noise, as shares of the mean."""
-_SENDS, _SENDER = 4.5, 0.15
-"""Limits for another sender: standard deviations of a sum, and share of the largest sum."""
-_BESIDE_S, _SLOTS_BESIDE = 0.005, 4
-"""Margins that belong to a burst [s] and to a pulse [slots]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +58,7 @@ def burst_columns(
         heard=np.zeros(columns, np.bool_),
         listened=np.zeros(columns, np.bool_),
     )
-    for stretch in _STRETCHES:
+    for stretch in BURSTS.stretches:
         longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
         places = np.rint(starts_s * longer / hop_s).astype(np.intp).tolist()
         count = columns - places[-1]
@@ -94,7 +80,7 @@ def burst_columns(
             use = quiet[part] | (seen[:, part] & ~heard)
             total += np.where(use, power[:, part], np.float32(0.0))
             valid += use
-        loud = there & (marks >= _LOUD_PULSES) & (valid >= max(2, pulses - 1))
+        loud = there & (marks >= BURSTS.loud_pulses) & (valid >= max(2, pulses - 1))
         mean = total / np.maximum(valid, 1)
         np.maximum(best.power[:, :count], mean, out=best.power[:, :count])
         best.seen[:, :count] |= loud
@@ -145,11 +131,11 @@ def sender_of(
     expected strength of each.
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
-    capped = np.minimum(single.level[row].astype(np.float64), _CAP)
+    capped = np.minimum(single.level[row].astype(np.float64), BURSTS.most_energy)
     # Neighbouring slots belong to the pulse, too: the train's times are rough.
     near = ndimage.maximum_filter1d(capped, 3)
     listened = near > 0.0
-    reach = 2 * round((single.starts_s[-1] + _BESIDE_S) / slot_s)
+    reach = 2 * round((single.starts_s[-1] + BURSTS.beside_s) / slot_s)
     at = np.floor(time_s / slot_s).astype(np.intp)
     inside = (at >= reach) & (at + reach < len(near))
     at, weight = at[inside], weight[inside]
@@ -163,11 +149,13 @@ def sender_of(
     profile = weight @ over[at[:, np.newaxis] + lags]
     deviation = 1.4826 * float(np.median(np.abs(profile - np.median(profile))))
     sums = weight @ picked
-    outside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > _SLOTS_BESIDE
-    strange = outside & (profile > max(_SENDS * deviation, 0.5 * float(sums.mean())))
-    if off <= _limit(_UNEQUAL_CHANCE if not strange.any() else _DOUBTFUL_CHANCE, len(sums)):
+    outside = np.abs(np.subtract.outer(lags, places)).min(axis=1) > BURSTS.slots_beside
+    stands_out = BURSTS.sender_sigmas * deviation
+    strange = outside & (profile > max(stands_out, 0.5 * float(sums.mean())))
+    chance = BURSTS.doubtful_chance if strange.any() else BURSTS.unequal_chance
+    if off <= _limit(chance, len(sums)):
         return own
-    least = max(_SENDS * deviation, _SENDER * float(sums.max()))
+    least = max(stands_out, BURSTS.sender_share * float(sums.max()))
     spread = ndimage.maximum_filter1d(profile, 3)
     tried = lags[(lags >= -reach // 2) & (lags + places[-1] <= reach)]
     weakest = np.min([spread[tried + reach + place] for place in places], axis=0)
@@ -175,7 +163,7 @@ def sender_of(
     if weakest[best] > least:
         shift = int(tried[best])
         again, _ = _picked(over, at + shift, single.starts_s, slot_s)
-        if _inequality(again, weight, variance) <= _limit(_UNEQUAL_CHANCE, len(sums)):
+        if _inequality(again, weight, variance) <= _limit(BURSTS.unequal_chance, len(sums)):
             return Sender(shift_s=shift * slot_s, pulses_s=np.zeros(0))
     foreign = lags[profile > least] * slot_s
     return Sender(shift_s=None, pulses_s=np.asarray(foreign))
@@ -189,10 +177,10 @@ def _inequality(
     Energies of pulses of a strength S vary by noise, by 2 S and by a part of S.
     """
     strength = np.maximum(over.mean(axis=1), 0.0)
-    varies = variance + 2.0 * strength + (_UNLIKE * strength) ** 2
+    varies = variance + 2.0 * strength + (BURSTS.burst_scatter * strength) ** 2
     sums = weight @ over
     middle = float(sums.mean())
-    expected = float(weight**2 @ varies) + (_UNLIKE_ALL * middle) ** 2
+    expected = float(weight**2 @ varies) + (BURSTS.mean_scatter * middle) ** 2
     return float(((sums - middle) ** 2).sum()) / max(expected, 1e-12)
 
 
@@ -208,7 +196,7 @@ def _picked(
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Energies (bursts, pulses) at the best stretch, and the pulses' slots from the start."""
     found = []
-    for stretch in _STRETCHES:
+    for stretch in BURSTS.stretches:
         longer = 1.0 + stretch * GAP_TOLERANCE_S / max(float(starts_s[-1]), 1e-9)
         places = np.rint(starts_s * longer / slot_s).astype(np.intp)
         found.append((values[at[:, np.newaxis] + places], places))

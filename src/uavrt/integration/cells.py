@@ -10,29 +10,11 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from uavrt.integration.places import east_north
+from uavrt.integration.tuning import PLACE
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 _Floats = NDArray[np.float64]
-_FINE = 3
-"""Parts of a likely cell in bearing and distance."""
-_MOST_FINED = 300
-_ALWAYS_FINED = 60
-"""Number of likeliest cells that are always divided, however little they hold. Cells are wide
-for a loud tag: the likelihood varies within them by more than to the next."""
-_EVEN = 2.0
-"""Difference of log likelihoods among a cell's parts above which these are divided again …"""
-_FINEST_M = 3.0
-"""… if they are larger than this [m]; positions of the drone are not better."""
-_SHARPER = 8
-"""Power of the belief whose mean is the likeliest place; a normal one has the same mean."""
-_ALONE = 0.9
-"""Probability of a part that makes its middle the place; else it is the middle of all."""
-_WITHIN = 7
-"""Points along each side of a cell over which its probability is spread."""
-_KEPT = 0.998
-_ROWS = 200
-"""Number of cells compared with all others at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,8 +100,9 @@ class Cells:
         bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
         away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
         pairs = []
-        for low in range(0, len(inside), _ROWS):  # all pairs at once would fill the memory
-            some = np.s_[low : low + _ROWS, np.newaxis]
+        rows = PLACE.pair_rows  # All pairs at once would fill the memory.
+        for low in range(0, len(inside), rows):
+            some = np.s_[low : low + rows, np.newaxis]
             turn_deg = np.abs(wrap_degrees_180(bearing[some] - bearing))
             touching = turn_deg <= 1.01 * (half[some] + half)
             touching &= np.abs(away[some] - away) <= 1.01 * (deep[some] + deep)
@@ -150,7 +133,7 @@ class Cells:
         """
         area = self.area[cells]
         density = self.probability[cells] / area
-        weight = area * (density / density.max()) ** _SHARPER
+        weight = area * (density / density.max()) ** PLACE.density_power
         weight /= weight.sum()
         east, north = east_north(self.bearing_deg[cells], self.range_m[cells])
         return float(weight @ east), float(weight @ north)
@@ -159,7 +142,7 @@ class Cells:
         """Place of a tag in a single part of the ground; else the middle of all cells."""
         inside = np.flatnonzero(self.region(0.95))
         for part in self._connected(inside):
-            if self.probability[part].sum() >= _ALONE:
+            if self.probability[part].sum() >= PLACE.alone:
                 return self.likeliest_m(part)
         east, north = east_north(self.bearing_deg, self.range_m)
         return float(self.probability @ east), float(self.probability @ north)
@@ -180,7 +163,7 @@ class Cells:
         default of all.
         """
         chosen = slice(None) if cells is None else cells
-        parts = (np.arange(_WITHIN) + 0.5) / _WITHIN
+        parts = (np.arange(PLACE.points) + 0.5) / PLACE.points
         around, apart = (one.ravel() for one in np.meshgrid(parts - 0.5, parts))
         bearing = self.bearing_deg[chosen, np.newaxis]
         bearing = bearing + around * self.width_deg[chosen, np.newaxis]
@@ -252,15 +235,16 @@ class LikelyGround:
         """
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
-        count = int(np.searchsorted(np.cumsum(probability[order]), _KEPT)) + 1
-        likeliest = np.argsort(-self.logs.max(axis=0), kind="stable")[:_ALWAYS_FINED]
-        which = np.union1d(order[: min(count, _MOST_FINED)], likeliest)
+        count = int(np.searchsorted(np.cumsum(probability[order]), PLACE.kept)) + 1
+        likeliest = np.argsort(-self.logs.max(axis=0), kind="stable")[: PLACE.always_divided]
+        which = np.union1d(order[: min(count, PLACE.most_divided)], likeliest)
         size_m = self.range_m * np.maximum(np.radians(self.width_deg), np.log(self.ratio))
-        return np.asarray(which[(size_m[which] > _FINEST_M) & (self.uneven[which] > _EVEN)])
+        large, uneven = size_m[which] > PLACE.finest_m, self.uneven[which] > PLACE.even_log
+        return np.asarray(which[large & uneven])
 
     def parts(self, which: NDArray[np.intp]) -> "LikelyGround":
         """Divide some cells; the parts have no likelihoods yet."""
-        steps = (np.arange(_FINE) - 0.5 * (_FINE - 1)) / _FINE
+        steps = (np.arange(PLACE.parts) - 0.5 * (PLACE.parts - 1)) / PLACE.parts
         around, apart = (one.ravel() for one in np.meshgrid(steps, steps))
         width, ratio = self.width_deg[which, np.newaxis], self.ratio[which, np.newaxis]
         bearing = self.bearing_deg[which, np.newaxis] + around * width
@@ -268,8 +252,8 @@ class LikelyGround:
         return LikelyGround(
             bearing_deg=wrap_degrees_360(bearing.ravel()),
             range_m=distance.ravel(),
-            width_deg=np.repeat(width / _FINE, len(around)),
-            ratio=np.repeat(ratio ** (1.0 / _FINE), len(around)),
+            width_deg=np.repeat(width / PLACE.parts, len(around)),
+            ratio=np.repeat(ratio ** (1.0 / PLACE.parts), len(around)),
             uneven=np.zeros(distance.size),
             logs=np.zeros((len(self.logs), distance.size)),
             level_db=np.zeros((len(self.logs), distance.size)),
@@ -278,8 +262,8 @@ class LikelyGround:
     def with_parts(self, which: NDArray[np.intp], parts: "LikelyGround") -> "LikelyGround":
         """Replace cells by their parts."""
         rest = np.setdiff1d(np.arange(len(self.range_m)), which)
-        best = parts.logs.max(axis=0).reshape(len(which), _FINE * _FINE)
-        uneven = np.repeat(np.ptp(best, axis=1), _FINE * _FINE)
+        best = parts.logs.max(axis=0).reshape(len(which), PLACE.parts * PLACE.parts)
+        uneven = np.repeat(np.ptp(best, axis=1), PLACE.parts * PLACE.parts)
         return LikelyGround(
             bearing_deg=np.concatenate((parts.bearing_deg, self.bearing_deg[rest])),
             range_m=np.concatenate((parts.range_m, self.range_m[rest])),

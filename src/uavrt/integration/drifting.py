@@ -15,6 +15,7 @@ from scipy import stats
 from uavrt.columns import joined_rows
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.places import distinct
+from uavrt.integration.tuning import SEARCH
 from uavrt.integration.whole_flight import (
     FoldedTrain,
     Weights,
@@ -27,18 +28,6 @@ from uavrt.integration.whole_flight import (
 from uavrt.messages import Tag
 
 _Floats = NDArray[np.float64]
-_SAG_SLOTS = 6.0
-"""Shift of the flight's middle between two values of d [slots]. Half as far away, a train found
-at a better interval and phase is a quarter of it off, less than a double slot. Against 4, 0.05
-dB are gained."""
-_INDEPENDENT_SAG_SLOTS = 5.0
-"""Shift between two values of d that count as independent [slots]. Trains differ from 2 on, of
-which the coarse fold finds some: with 2, 400 flights of noise showed .44 of the nominal 1 %, so
-.93."""
-_PATTERNS = 3
-_ALIKE = 0.9
-_REFINED = 120
-"""Number of cells examined in full."""
 
 
 def train_times_s(phase_s: float, interval_s: float, drift: float, span_s: float) -> _Floats:
@@ -74,7 +63,7 @@ def even_order(energies: SlotEnergies, drift: float) -> NDArray[np.intp]:
 
 def drifts_searched(most: float, span_s: float, slot_s: float) -> _Floats:
     """Values of the drift, 0 among them."""
-    step = 8.0 * _SAG_SLOTS * slot_s / span_s
+    step = 8.0 * SEARCH.drift_step_slots * slot_s / span_s
     count = int(np.ceil(most / step))
     return np.linspace(-most, most, 2 * count + 1) if count else np.zeros(1)
 
@@ -91,7 +80,7 @@ def search_drifting(
     sag_slots = most_drift * span_s / 4.0 / energies.slot_s
     if steady.loud or sag_slots < 1.0:
         return steady
-    hypotheses = steady.hypotheses * (1.0 + sag_slots / _INDEPENDENT_SAG_SLOTS)
+    hypotheses = steady.hypotheses * (1.0 + sag_slots / SEARCH.drift_independent_slots)
     best = replace(
         steady,
         hypotheses=hypotheses,
@@ -110,7 +99,7 @@ def search_drifting(
             drifts.append(np.full(len(cells.score), drift))
             logs.append(log_tail(cells, few, coarse))
         every, drift_of, log = joined_rows(found), np.concatenate(drifts), np.concatenate(logs)
-        for at in np.argsort(log, kind="stable")[:_REFINED].tolist():
+        for at in np.argsort(log, kind="stable")[: SEARCH.drift_cells].tolist():
             start = replace(
                 best,
                 rate=rate,
@@ -141,10 +130,10 @@ def _coarse(energies: SlotEnergies) -> SlotEnergies:
 
 def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
     """The first patterns, and places that stand for the others in them."""
-    basis = weights.basis[:_PATTERNS, : 2 * len(coarse.heard) : 2].copy()
+    basis = weights.basis[: SEARCH.drift_patterns, : 2 * len(coarse.heard) : 2].copy()
     basis[:, ~coarse.heard] = 0.0
-    mixing = weights.mixing[:, :_PATTERNS].astype(np.float64)
-    mixing = mixing[distinct(mixing, _ALIKE)]
+    mixing = weights.mixing[:, : SEARCH.drift_patterns].astype(np.float64)
+    mixing = mixing[distinct(mixing, SEARCH.drift_correlation)]
     return Weights.of(basis.astype(np.float64), mixing, coarse, weights.interval_s)
 
 

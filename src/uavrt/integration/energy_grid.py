@@ -17,32 +17,9 @@ from numpy.typing import NDArray
 from uavrt.detection.search.grid import Grid, Spectrogram, make_grid, sliding_maximum
 from uavrt.dsp.zero_runs import zero_runs
 from uavrt.integration.bursts import SinglePulses, burst_columns, pulse_starts_s
+from uavrt.integration.tuning import ENERGY
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-_LEVEL_S = 6.0
-"""Time over which a row's noise is constant [s]."""
-_LEVEL_ROWS = 5
-_SEEN_ALONE = 20.0
-"""Power over noise that chance reaches once in 5e8 windows."""
-_MOST_GAP_S = 7200.0
-_MOST_OVERLAP_S = 0.1
-"""Largest overlap of a block with earlier ones that is followed [s]. A crystal that is 100 ppm
-fast gathers it in 17 minutes; a clock set back by more is not followed."""
-_LEAST_STEP_S = 0.0015
-"""Smallest time step that is followed [s]; each costs a window."""
-_DEAD_S = 0.1
-"""Duration of exact zeros that is no noise [s]: a dead radio or a filled gap."""
-_CHUNK_S = 6.0
-_HOPS_BESIDE = 16
-"""Distance [hops] from which a window has nothing of a loud one: two pulses."""
-_WIDE_SIGMAS = 8.0
-"""Energy of a window over the whole channel that shows something loud outside the search."""
-_SLOTS_BESIDE = 4
-"""Extent of a pulse and its jitter on each side of its slot [slots]."""
-_CREST = 3.0
-"""Largest sample of a window over its row's power [noise] that is still no impulse. A pulse of
-N samples has 1/N of its power there, an impulse N times it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,7 +86,7 @@ class SlotEnergies:
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
         gone = np.zeros(len(self.heard), bool)
         at = np.floor(time_s / self.slot_s).astype(np.intp)
-        for shift in range(-_SLOTS_BESIDE, _SLOTS_BESIDE + 1):
+        for shift in range(-ENERGY.slots_beside, ENERGY.slots_beside + 1):
             inside = at + shift
             gone[inside[(inside >= 0) & (inside < len(gone))]] = True
         return ~gone
@@ -141,11 +118,11 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
     """
     first = parts[0] if parts else None
     if first is None:
-        raise ValueError("no energies to put together")
+        raise ValueError("there are no energies to join")
     level = np.concatenate([one.level for one in parts], axis=1)
     heard = np.concatenate([one.heard for one in parts])
     energy, mean, sigma = _centred(
-        np.where(heard, level, np.float32(0.0)), heard, round(_LEVEL_S / first.slot_s)
+        np.where(heard, level, np.float32(0.0)), heard, round(ENERGY.level_s / first.slot_s)
     )
     return replace(
         first,
@@ -193,7 +170,9 @@ class SlotLayout:
     @property
     def slots_beside(self) -> int:
         """Slots on each side of a stretch whose samples its energies depend on."""
-        columns = 2 * self.reach + 2 * _HOPS_BESIDE + -(-self.grid.window // self.grid.hop)
+        columns = (
+            2 * self.reach + 2 * ENERGY.hops_beside + -(-self.grid.window // self.grid.hop)
+        )
         columns += self.beyond
         return math.ceil(columns / self.columns_per_slot) + 2
 
@@ -234,7 +213,7 @@ def gather(
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
     start_ns = end = set_by = 0
-    least = max(2.0, _LEAST_STEP_S * sample_rate_hz)
+    least = max(2.0, ENERGY.least_step_s * sample_rate_hz)
     for samples, time_ns in blocks:
         if not len(samples):
             continue
@@ -242,7 +221,11 @@ def gather(
             start_ns = time_ns
         due = round((time_ns - start_ns) / NANOSECONDS_PER_SECOND * sample_rate_hz)
         gap = due - end - set_by
-        if not -_MOST_OVERLAP_S * sample_rate_hz <= gap < _MOST_GAP_S * sample_rate_hz:
+        if (
+            not -ENERGY.most_overlap_s * sample_rate_hz
+            <= gap
+            < ENERGY.most_gap_s * sample_rate_hz
+        ):
             set_by += gap  # a clock that was set
             gap = 0
         if gap >= least:
@@ -286,13 +269,13 @@ def slot_energies(
         slots_per_pulse=slots_per_pulse,
     )
     grid, per_slot, reach = layout.grid, layout.columns_per_slot, layout.reach
-    there = there & ~_dead(samples, round(_DEAD_S * sample_rate_hz))
+    there = there & ~_dead(samples, round(ENERGY.dead_s * sample_rate_hz))
     spectrogram = Spectrogram(grid)
     hop = grid.hop
     middle = grid.rows // 2
     # Rows a quarter of a bin apart; every second loses 0.1 dB in the mean (sinc² at 1/8 bin).
     rows = np.arange(middle % 2, grid.rows, 2)
-    chunk = max(round(_CHUNK_S * sample_rate_hz), 4 * grid.window)
+    chunk = max(round(ENERGY.chunk_s * sample_rate_hz), 4 * grid.window)
     columns = len(samples) // hop
     power = np.zeros((len(rows), columns), np.float32)
     done = 0
@@ -307,14 +290,14 @@ def slot_energies(
         power[:, done : done + count] = new[:count, rows].T
         done += count
     whole = _whole_windows(there, hop, grid.window, columns)
-    loud = _standardise(power, whole, round(_LEVEL_S / grid.hop_s))
+    loud = _standardise(power, whole, round(ENERGY.level_s / grid.hop_s))
     crest, wide = _channel_columns(samples, hop, grid.window, columns, sample_rate_hz)
     top = power.max(axis=0) if columns else np.zeros(0, np.float32)
-    pulse = loud & (crest <= _CREST * np.maximum(top, _SEEN_ALONE))
+    pulse = loud & (crest <= ENERGY.crest * np.maximum(top, ENERGY.loud_power))
     loud |= wide & whole
     power[:, ~whole] = 0.0
-    seen = (power > _SEEN_ALONE) & pulse
-    quiet = ~(~whole | _spread(loud, _HOPS_BESIDE))
+    seen = (power > ENERGY.loud_power) & pulse
+    quiet = ~(~whole | _spread(loud, ENERGY.hops_beside))
     single = power
     if tag.coded:
         bursts = burst_columns(power, seen, quiet, whole, tag, grid.hop_s)
@@ -328,7 +311,9 @@ def slot_energies(
     marked = _tops(seen.astype(np.float32), reach, at) > 0.0
     good = heard[at + reach]
     energy = np.where(good, level, np.float32(0.0))
-    energy, mean, sigma = _centred(energy, good, round(_LEVEL_S / (per_slot * grid.hop_s)))
+    energy, mean, sigma = _centred(
+        energy, good, round(ENERGY.level_s / (per_slot * grid.hop_s))
+    )
     return SlotEnergies(
         energy=energy,
         heard=good,
@@ -379,7 +364,7 @@ def _channel_columns(
     Done in stretches: sums over a whole flight fill new pages, which cost more than they do.
     """
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
-    length = max(1, round(_LEVEL_S * sample_rate_hz / hop))
+    length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
     for low in range(0, columns, length):
         high = min(low + length, columns)
@@ -402,7 +387,7 @@ def _channel_columns(
             continue
         middle = float(np.median(there))
         sigma = 1.4826 * float(np.median(np.abs(there - middle)))
-        wide[low:high] = some > middle + _WIDE_SIGMAS * sigma
+        wide[low:high] = some > middle + ENERGY.wide_sigmas * sigma
         crest[low:high] /= max(middle / window, 1e-30)
     return crest, wide
 
@@ -425,10 +410,10 @@ def _whole_windows(
 def _standardise(
     power: NDArray[np.float32], whole: NDArray[np.bool_], length: int
 ) -> NDArray[np.bool_]:
-    """Divide by the noise of each row and time, in place; which columns hold a loud one."""
+    """Divide by the noise of each row and time, in place; return which columns are loud."""
     columns = power.shape[1]
     loud = np.zeros(columns, bool)
-    side = _LEVEL_ROWS // 2
+    side = ENERGY.level_rows // 2
     for part in _stretches(columns, length):
         some, good = power[:, part], whole[part]
         if np.count_nonzero(good) < length // 8:
@@ -443,7 +428,7 @@ def _standardise(
             ]
         )
         some /= np.maximum(levels / math.log(2.0), 1e-30)[:, np.newaxis].astype(np.float32)
-        loud[part] = some.max(axis=0) > _SEEN_ALONE
+        loud[part] = some.max(axis=0) > ENERGY.loud_power
     return loud & whole
 
 

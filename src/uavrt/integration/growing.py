@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.integration.energy_grid import SlotEnergies, joined, slot_energies, slot_layout
+from uavrt.integration.tuning import ENERGY
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-BLOCK_S = 30.0
-"""Length measured at once: five stretches of one noise level [s]."""
 
 
 class GrowingEnergies:
@@ -46,7 +44,7 @@ class GrowingEnergies:
         )
         self._slot = layout.samples_per_slot
         slot_s = self._slot / sample_rate_hz
-        self._block = max(1, round(BLOCK_S / slot_s))
+        self._block = max(1, round(ENERGY.block_s / slot_s))
         self._margin = layout.slots_beside
         self._parts: list[SlotEnergies] = []
 

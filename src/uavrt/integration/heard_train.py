@@ -15,6 +15,7 @@ from uavrt.integration.bursts import exponentials, log_ratio_parts
 from uavrt.integration.drifting import train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.places import Places
+from uavrt.integration.tuning import PLACE
 from uavrt.integration.whole_flight import FoldedTrain
 
 _Floats = NDArray[np.float64]
@@ -22,25 +23,6 @@ AMPLITUDES = np.arange(0.0, 22.05, 0.1)
 """Amplitudes of pulses in noise, up to 27 dB. A stronger pulse and its expected strength are
 both reduced by the same decibels: noise moves it by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
-STEP_DB = 0.1
-"""Step between two strengths in the table [dB]. At 0.5 dB the pulses of a lane are rounded
-alike, which alone makes places 20 m apart differ."""
-FADING_DB = 1.0
-"""Fading of single pulses, from collar tilt, bodies and reflections [dB]."""
-_LEAST_LOG = -30.0
-_LOUD_AS = 6.0
-"""Factor of ln E as which a loud pulse of energy E counts: 18 at the limit, 41 at 30 dB."""
-_WINDOWS = (0.8, 0.6)
-"""Parts of a pulse's energy in its two best windows, since start and frequency are in between.
-With all of it in one window, pulses near the noise came out too strong, so that a passed tag
-seemed farther away than it was."""
-_LEAST_QUIET = 200
-"""Least number of slots without pulses from which the noise is estimated."""
-_OUTLIER = 0.02
-"""Share of pulses without information: blocked, covered, a moved head. As many are there, but
-much weaker or stronger than expected …"""
-_ODD_FADING_DB = 6.0
-"""… by this standard deviation [dB]: half hidden by a body, two at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,9 +84,9 @@ def limited_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
     """Energies of a frequency, with loud pulses limited to just below loud."""
     energy = energies.energy[row].copy()
     loud = energies.loud[row] & ~energies.heard
-    energy[loud] = (np.log(energies.level[row, loud]) * _LOUD_AS - energies.mean[row]) / (
-        energies.sigma[row]
-    )
+    energy[loud] = (
+        np.log(energies.level[row, loud]) * PLACE.loud_factor - energies.mean[row]
+    ) / (energies.sigma[row])
     return np.asarray(energy)
 
 
@@ -136,7 +118,7 @@ class HeardTrain:
         row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
         quiet = energies.away_from(pulses.time_s)
         mean = energies.mean[row]
-        if pulses.pulses == 1 and np.count_nonzero(quiet) >= _LEAST_QUIET:
+        if pulses.pulses == 1 and np.count_nonzero(quiet) >= PLACE.least_quiet:
             mean = energies.level[row, quiet].mean()
         return cls(
             pulses=pulses,
@@ -156,7 +138,9 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
     table = likelihood_table(one)
     column, beyond_db = looked_up(one.pulses.energy)
     gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
-    strength = np.rint((gain_db + levels_db[:, np.newaxis] - STRENGTHS_DB[0]) / STEP_DB)
+    strength = np.rint(
+        (gain_db + levels_db[:, np.newaxis] - STRENGTHS_DB[0]) / PLACE.strength_step_db
+    )
     strength = np.clip(strength, 0, len(table) - 1).astype(np.intp)
     return np.asarray(table[strength, column])
 
@@ -179,15 +163,17 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
     return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
 
 
-def likelihood_table(one: HeardTrain, fading_db: float = FADING_DB) -> _Floats:
+def likelihood_table(one: HeardTrain, fading_db: float = PLACE.fadings_db[0]) -> _Floats:
     """Log likelihood ratios of the energies of a train's pulses, or bursts.
 
     `fading_db`: standard deviation of single pulses, from pattern, poses and ground beyond the
-    model. Returns: shape (strengths `STEP_DB` apart, amplitudes).
+    model. Returns: shape (strengths `PLACE.strength_step_db` apart, amplitudes).
     """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
-    finer = np.arange(STRENGTHS_DB[0], STRENGTHS_DB[-1] + 0.5 * STEP_DB, STEP_DB)
+    finer = np.arange(
+        STRENGTHS_DB[0], STRENGTHS_DB[-1] + 0.5 * PLACE.strength_step_db, PLACE.strength_step_db
+    )
     logs = _log_ratios(many, pulses, fading_db)
     return np.asarray(interpolate.CubicSpline(STRENGTHS_DB, logs)(finer))
 
@@ -216,10 +202,14 @@ def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
     step = STRENGTHS_DB[1] - STRENGTHS_DB[0]
     usual, odd = (
         ndimage.gaussian_filter1d(ratio, one_db / step, axis=0, mode="nearest")
-        for one_db in (fading_db, max(fading_db, _ODD_FADING_DB))
+        for one_db in (fading_db, max(fading_db, PLACE.odd_fading_db))
     )
-    ratio = (1.0 - 2.0 * _OUTLIER) * usual + _OUTLIER * odd + _OUTLIER
-    return np.asarray(np.maximum(np.log(ratio), _LEAST_LOG))
+    ratio = (
+        (1.0 - 2.0 * PLACE.outlier_share) * usual
+        + PLACE.outlier_share * odd
+        + PLACE.outlier_share
+    )
+    return np.asarray(np.maximum(np.log(ratio), PLACE.least_log))
 
 
 def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
@@ -230,7 +220,9 @@ def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
     to 0 with m to 1.
     """
     below = -np.expm1(-energy)
-    (first, first_law), (second, second_law) = (_pulse_law(energy, part) for part in _WINDOWS)
+    (first, first_law), (second, second_law) = (
+        _pulse_law(energy, part) for part in PLACE.windows
+    )
     both = min(1.0, many - 1.0)
     law = np.maximum(second_law, 1e-300) ** both
     ratio = first * law + both * second * first_law * law / np.maximum(second_law, 1e-300)

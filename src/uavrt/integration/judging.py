@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from uavrt.integration.bursts import Sender, hidden_with_s, sender_of
 from uavrt.integration.drifting import even_order, search_drifting, train_times_s
 from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.tuning import SEARCH
 from uavrt.integration.whole_flight import (
     FoldedTrain,
     Weights,
@@ -26,16 +27,6 @@ from uavrt.integration.whole_flight import (
     plain_weights,
 )
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-
-_BETTER = 3.0
-"""Log of the factor by which another train must be less likely by chance to explain one."""
-_SHORTEST, _LONGEST = 0.3, 3.2
-"""Range of other intervals searched, relative to the one found."""
-_SMALL = 3
-_SAME = 0.01
-_MOST_OTHERS = 4
-_MOST_CODES = 12
-"""Most senders of other codes that are removed before a tag counts as not found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +84,7 @@ def judge(
             sender = _sender(energies, weights, train)
             if sender.shift_s is None:
                 others.append(_other_code(train))
-                if sum(one.other_code for one in others) > _MOST_CODES:
+                if sum(one.other_code for one in others) > SEARCH.most_codes:
                     train = replace(train, false_alarm_probability=1.0)
                     return Judgement(train=train, energies=energies, others=tuple(others))
                 energies = _without_code(energies, train, sender)
@@ -101,7 +92,7 @@ def judge(
             train = replace(train, phase_s=train.phase_s + sender.shift_s)
         other = better_elsewhere(energies, weights, train, tag) if found else None
         trains = sum(not one.other_code for one in others)
-        if other is None or trains == _MOST_OTHERS:
+        if other is None or trains == SEARCH.most_others:
             return Judgement(train=train, energies=energies, others=tuple(others))
         others.append(other)
         span_s = len(energies.heard) * energies.slot_s
@@ -162,7 +153,7 @@ def better_elsewhere(
         order = even_order(energies, train.drift)
         values = values[:, order]
         alone = replace(alone, basis=alone.basis[:, order])
-    best, other = train.log_probability - _BETTER, None
+    best, other = train.log_probability - SEARCH.explains_log, None
     for between in _elsewhere(energies, train, tag):
         found = peaks(values, rows, alone, energies.slot_s, between)
         if train.loud:
@@ -188,19 +179,23 @@ def _elsewhere(
 ) -> list[tuple[float, float]]:
     """Stretches of intervals [s] that the list does not allow."""
     cell_s = energies.slot_s * train.interval_s / max(float(energies.time_s[-1]), 1e-9)
-    shortest = max(_SHORTEST * train.interval_s, 8.0 * energies.slot_s)
+    shortest = max(SEARCH.shortest_ratio * train.interval_s, 8.0 * energies.slot_s)
     edges = [shortest]
     for low_s, high_s in sorted(intervals_searched(tag)):
         edges += [low_s - 2.0 * cell_s, high_s + 2.0 * cell_s]
-    edges.append(_LONGEST * train.interval_s)
+    edges.append(SEARCH.longest_ratio * train.interval_s)
     stretches = zip(edges[::2], edges[1::2], strict=True)
     return [(low, high) for low, high in stretches if high - low > energies.slot_s]
 
 
 def _ratio(value: float) -> tuple[int, int] | None:
     """Small numbers p and q with p/q within a hundredth of a value."""
-    for below in range(1, _SMALL + 1):
+    for below in range(1, SEARCH.small_number + 1):
         above = round(value * below)
-        if above and math.gcd(above, below) == 1 and abs(value * below / above - 1.0) < _SAME:
+        if (
+            above
+            and math.gcd(above, below) == 1
+            and abs(value * below / above - 1.0) < SEARCH.same_ratio
+        ):
             return above, below
     return None

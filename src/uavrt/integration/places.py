@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
+from uavrt.integration.tuning import SEARCH
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_db
 from uavrt.localization.headings import Headings
 from uavrt.localization.heard import PoseColumns
@@ -16,17 +17,9 @@ from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 _Floats = NDArray[np.float64]
-EXPONENT = 2.5
-"""Exponent of the fall with distance; the mean of `level_evidence.Propagation`."""
-_BEARINGS = 72
-BEARING_STEP_DEG = 360.0 / _BEARINGS
-_NEAREST_M, _FARTHEST_M = 40.0, 5000.0
-_RANGES = 14
-RANGE_STEP = (_FARTHEST_M / _NEAREST_M) ** (1.0 / (_RANGES - 1))
+BEARING_STEP_DEG = 360.0 / SEARCH.bearings
+RANGE_STEP = (SEARCH.farthest_m / SEARCH.nearest_m) ** (1.0 / (SEARCH.ranges - 1))
 """Ratio of one ring's radius to the last."""
-_STEP_S = 0.25
-ALIKE = 0.97
-"""Correlation of two places' weights above which one is folded for both: 0.13 dB at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,7 +75,7 @@ class Track:
             distance = np.maximum(np.sqrt(ahead**2 + aside**2 + under**2), 1.0)
             towards = ahead / distance, aside / distance, under / distance
             gain_db[place] = self._towards_db(axes, *towards)
-            gain_db[place] -= 10.0 * EXPONENT * np.log10(distance)
+            gain_db[place] -= 10.0 * SEARCH.exponent * np.log10(distance)
             if self.hills is not None:
                 gain_db[place] -= lost_db[place]
         return gain_db
@@ -135,7 +128,7 @@ def places_around(
         )
     if plane is None:
         plane = plane_around(poses.latitude_deg[inside], poses.longitude_deg[inside])
-    count = max(2, round((end_ns - start_ns) / NANOSECONDS_PER_SECOND / _STEP_S))
+    count = max(2, round((end_ns - start_ns) / NANOSECONDS_PER_SECOND / SEARCH.step_s))
     time_ns = start_ns + np.linspace(0.0, float(end_ns - start_ns), count)
     pose_ns = poses.time_ns.astype(np.float64)
     nearest = _nearest(pose_ns, time_ns)
@@ -148,14 +141,16 @@ def places_around(
     if hills is not None:
         hills = None if hills.level else hills.in_plane(plane)
     if hills is not None:
-        hills.cover([-_FARTHEST_M, _FARTHEST_M], [-_FARTHEST_M, _FARTHEST_M])
+        hills.cover(
+            [-SEARCH.farthest_m, SEARCH.farthest_m], [-SEARCH.farthest_m, SEARCH.farthest_m]
+        )
     track = Track(
         hills=hills, pattern=pattern, east_m=east, north_m=north, height_m=height, axes=axes
     )
-    bearing = np.arange(_BEARINGS) * 360.0 / _BEARINGS
-    ranges = np.geomspace(_NEAREST_M, _FARTHEST_M, _RANGES)
+    bearing = np.arange(SEARCH.bearings) * 360.0 / SEARCH.bearings
+    ranges = np.geomspace(SEARCH.nearest_m, SEARCH.farthest_m, SEARCH.ranges)
     place_east, place_north = east_north(
-        np.tile(bearing, _RANGES), np.repeat(ranges, _BEARINGS)
+        np.tile(bearing, SEARCH.ranges), np.repeat(ranges, SEARCH.bearings)
     )
     gain = track.gain_db(place_east, place_north)
     strongest_db = gain.max(axis=1)
@@ -167,7 +162,7 @@ def places_around(
         plane=plane,
         east_m=place_east,
         north_m=place_north,
-        area=np.repeat(ranges**2, _BEARINGS),
+        area=np.repeat(ranges**2, SEARCH.bearings),
         time_s=(time_ns - start_ns) / NANOSECONDS_PER_SECOND,
         gain=gain,
         strongest_db=strongest_db,
@@ -191,7 +186,9 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
     return np.asarray(range_m * np.sin(turn)), np.asarray(range_m * np.cos(turn))
 
 
-def distinct(weights: _Floats, alike_from: float = ALIKE) -> NDArray[np.intp]:
+def distinct(
+    weights: _Floats, alike_from: float = SEARCH.same_place_correlation
+) -> NDArray[np.intp]:
     """Places whose weights represent all others'.
 
     `weights`: shape (places, times). `alike_from`: correlation from which one represents

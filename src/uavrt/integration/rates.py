@@ -11,13 +11,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.integration.tuning import PLACE
+
 _Floats = NDArray[np.float64]
-_CHANGE = 1e-3
-"""Probability of a change of state from one slot to the next."""
-_STRAY = 1e-2
-"""Share of the slots with a pulse of another rate by chance: two slots of an interval."""
-_LOGS_EACH = 8
-"""Slots whose product does not overflow: none is likelier in noise by more than e^30."""
 
 
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
@@ -29,15 +25,15 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
     """
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
-        on *= 1.0 - 2.0 * _CHANGE
-        on += _CHANGE
+        on *= 1.0 - 2.0 * PLACE.rate_change
+        on += PLACE.rate_change
         # A slot's likelihood at the rate is 1, and this at another one:
-        both = _STRAY + (1.0 - _STRAY) * inverse
+        both = PLACE.stray_share + (1.0 - PLACE.stray_share) * inverse
         both *= 1.0 - on
         both += on
         on /= both
         product *= both
-        if slot % _LOGS_EACH == _LOGS_EACH - 1:
+        if slot % PLACE.log_slots == PLACE.log_slots - 1:
             total += np.log(product)
             product.fill(1.0)
     return total + np.log(product)
@@ -49,8 +45,8 @@ def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
     `logs` (levels, slots): logarithm of the likelihood ratio of a pulse in each slot.
     """
     levels, slots = logs.shape
-    at_other = np.log1p(_STRAY * np.expm1(logs))
-    change, stay = np.log(_CHANGE), np.log1p(-_CHANGE)
+    at_other = np.log1p(PLACE.stray_share * np.expm1(logs))
+    change, stay = np.log(PLACE.rate_change), np.log1p(-PLACE.rate_change)
     on, off = np.zeros(levels), np.zeros(levels)
     came_on, came_off = np.ones((slots, levels), bool), np.zeros((slots, levels), bool)
     for slot in range(slots):

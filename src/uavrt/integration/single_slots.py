@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from uavrt.integration.heard_train import HeardTrain, noise_reaches, slot_logs
 from uavrt.integration.rates import likeliest_states
+from uavrt.integration.tuning import PLACE
 
 _LEVELS_DB = np.arange(0.0, 50.0, 1.0)
 """Levels of the strongest pulse that are tried [dB]; the best is used."""
-_IN_NOISE = 0.05
-"""Share of noise slots whose energy passes for a pulse's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,5 +32,5 @@ def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:
     at_rate = np.ones(len(one.pulses.energy), bool)
     if one.rates > 1:
         at_rate = likeliest_states(slot_logs(one, gain, _LEVELS_DB))
-    above = one.pulses.energy > noise_reaches(one, _IN_NOISE)
+    above = one.pulses.energy > noise_reaches(one, PLACE.noise_share)
     return SlotEvidence(at_rate=at_rate, supported=at_rate & above)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, stats
 
 from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.tuning import SEARCH
 from uavrt.integration.whole_flight import (
     FoldedTrain,
     Weights,
@@ -32,17 +33,6 @@ from uavrt.integration.whole_flight import (
 from uavrt.messages import Tag
 
 _Floats = NDArray[np.float64]
-_STRETCH = 2e-4
-"""Relative difference of the interval between flights that is allowed."""
-_LEAST_CELLS = 2.0
-"""Least number of cells of the shortest flight's fold in a stretch."""
-_ROWS_BESIDE = 1
-"""Frequencies by which a tag may be off its mean in a flight: 25 Hz at 20 ms."""
-_INDEPENDENT = 8.6
-"""Hypotheses in each flight, for each cell of a stretch one correlation length wide. From the
-least probabilities of noise flights, 1 to 6 at once (`uavrt experiment integrate`)."""
-_INDEPENDENT_PLACES = 1.35
-"""Hypotheses for each pattern in each flight, for a tag that moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,7 +90,7 @@ class _Search:
             found[:, row, half[first]] = np.maximum(found[:, row, half[first]], top)
         # Each half is in two stretches: a tag between two is in the middle of a third.
         pairs = np.maximum(found[..., :-1], found[..., 1:])
-        width = 2 * _ROWS_BESIDE + 1
+        width = 2 * SEARCH.rows_beside + 1
         return np.asarray(ndimage.maximum_filter1d(pairs, width, axis=1, mode="nearest"))
 
     def rows(self, number: int) -> NDArray[np.intp]:
@@ -116,7 +106,8 @@ class _Search:
         energies, weights = self.flights[number].energies, self.weights[number]
         row = int(np.argmin(np.abs(energies.offsets_hz - offset_hz)))
         rows = range(
-            max(0, row - _ROWS_BESIDE), min(len(energies.energy), row + _ROWS_BESIDE + 1)
+            max(0, row - SEARCH.rows_beside),
+            min(len(energies.energy), row + SEARCH.rows_beside + 1),
         )
         some = weights if place is None else weights.only(place)
         low_s = self.between_s[0] + stretch * self.half_s
@@ -135,7 +126,7 @@ class _Search:
         cells = cells_searched(len(energies.heard), energies.slot_s, self.between_s)
         own = float(np.mean(correlation_slots(energies) ** -2.0))
         in_stretch = cells * own * min(1.0, 2.0 / self.halves)
-        return max(1.0, _INDEPENDENT * in_stretch)
+        return max(1.0, SEARCH.stretch_hypotheses * in_stretch)
 
 
 def search_together(
@@ -181,7 +172,7 @@ def _search(
         one.energies.slot_s * middle_s / max(float(one.energies.time_s[-1]), middle_s)
         for one in flights
     )
-    half_s = 0.5 * max(_STRETCH * middle_s, _LEAST_CELLS * cell_s)
+    half_s = 0.5 * max(SEARCH.stretch * middle_s, SEARCH.least_cells * cell_s)
     halves = max(2, math.ceil((high_s - low_s) / half_s))
     return _Search(
         flights=flights,
@@ -210,7 +201,7 @@ def _likeliest(
     shared = score.shape[1] * search.halves * len(tag.pulse_intervals_s)
     if moves:
         each = [
-            count * _INDEPENDENT_PLACES * many
+            count * SEARCH.place_hypotheses * many
             for count, many in zip(each, patterns, strict=True)
         ]
     else:

@@ -12,66 +12,18 @@ from numpy.typing import NDArray
 from scipy import interpolate, ndimage, special
 
 from uavrt.integration.cells import Cells, LikelyGround
-from uavrt.integration.heard_train import (
-    FADING_DB,
-    STEP_DB,
-    STRENGTHS_DB,
-    HeardTrain,
-    likelihood_table,
-    looked_up,
-)
-from uavrt.integration.places import (
-    BEARING_STEP_DEG,
-    EXPONENT,
-    RANGE_STEP,
-    common_gains,
-    east_north,
-)
+from uavrt.integration.heard_train import STRENGTHS_DB, HeardTrain, likelihood_table, looked_up
+from uavrt.integration.places import BEARING_STEP_DEG, RANGE_STEP, common_gains, east_north
 from uavrt.integration.rates import other_rate_logs
+from uavrt.integration.tuning import PLACE, SEARCH
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
-_LEVELS_DB = (-14.0, 9.0)
-"""Levels examined, relative to the strongest energies [dB]."""
-_LEVEL_PARTS = 8
-"""Parts of a step between levels."""
-_MOST_ROUNDS = 4
-_LIKELY = 100
-"""Number of places by which a flight's share is judged."""
-_BLOCK = 20_000
-"""Places times pulses looked up at once."""
-_BLOCK_OF_RATES = 300
-"""Places whose slots are processed at once."""
-_BETWEEN_DB = 3.0
-"""Standard deviation of a tag's level between flights: posture, receiver, ground [dB]."""
-_EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
-"""Exponents of the fall with distance, from free space to a tag on the ground."""
 _EXPONENT_SHARES = np.diff(
-    special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - EXPONENT) / 0.7)
+    special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - SEARCH.exponent) / 0.7)
 )
 """Prior of each exponent, from the nearest of `level_evidence.Propagation`. A quarter of that
 is below free space, and counts for it: without it, tags in line of sight seem farther away."""
-_SAME_RANGE_DB = 0.3
-"""Range of path lengths below which a place cannot show the exponent [dB]."""
-_COUNTED = 0.8
-"""Share of the pulses' evidence that counts, because neighbouring pulses share model errors.
-Pattern, poses and ground are alike for them. With all of it regions of 90 % held .85 (I4)."""
-_LASTING_DB2 = 4.0
-"""Variance of these errors, times the pulses for which they last [dB²]. Where noise and fading
-of single pulses are less, it limits their evidence."""
-_NOISY_DB2 = 10.0
-"""Variance of a level in noise up to which `_COUNTED` holds [dB²]."""
-_FADINGS_DB = (FADING_DB, 2.0, 3.0, 4.5)
-"""Fading of single pulses, chosen by a loud tag's own levels [dB]. With 1 dB for all, tags 10
-to 200 m away that fade by 2 dB or more were outside their regions."""
-_LEAST_LOUD = 30.0
-"""Energy of the strongest pulses from which they show fading, and not noise alone."""
-_MORE_FADING = 10.0
-"""Log evidence needed for more fading than usual."""
-_FADING_CELLS = 300
-"""Number of likeliest cells by which fadings are compared."""
-_LEAST_FALL = 0.02
-"""Probability of a fall with distance from which regions hold for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,9 +60,9 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     reading = _Reading.of(heard)
     found = _placed(reading)
     loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
-    if loudest < _LEAST_LOUD:
+    if loudest < PLACE.loud_energy:
         return found
-    readings = [reading, *(_Reading.of(heard, fading_db) for fading_db in _FADINGS_DB[1:])]
+    readings = [reading, *(_Reading.of(heard, fading_db) for fading_db in PLACE.fadings_db[1:])]
     tried = {reading.fading_db}
     while (reading := _likeliest(readings, found.cells)).fading_db not in tried:
         tried.add(reading.fading_db)
@@ -136,7 +88,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
     likelier.
     """
     heard = readings[0].heard
-    which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
+    which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
     gains = _gains_anywhere(heard, from_here)
     # An unusual fall with distance must not pass for fading.
@@ -147,7 +99,7 @@ def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
         held, _ = _over_levels(logs, reading.levels_db)
         evidence.append(float(special.logsumexp(held, b=cells.area[which])))
     best = int(np.argmax(evidence))
-    return readings[best if evidence[best] - evidence[0] > _MORE_FADING else 0]
+    return readings[best if evidence[best] - evidence[0] > PLACE.more_fading_log else 0]
 
 
 def train_evidence(one: HeardTrain) -> float:
@@ -174,7 +126,9 @@ class _Reading:
     """Levels of the strongest pulse [dB]."""
 
     @classmethod
-    def of(cls, heard: Sequence[HeardTrain], fading_db: float = FADING_DB) -> "_Reading":
+    def of(
+        cls, heard: Sequence[HeardTrain], fading_db: float = PLACE.fadings_db[0]
+    ) -> "_Reading":
         return cls(
             heard=heard,
             fading_db=fading_db,
@@ -188,7 +142,7 @@ def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
     top_db = 10.0 * np.log10(
         max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
     )
-    return np.asarray(top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5))
+    return np.asarray(top_db + np.arange(PLACE.levels_db[0], PLACE.levels_db[1] + 0.5))
 
 
 def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
@@ -199,10 +153,10 @@ def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     """
     if one.log_trains is None:
         return 1.0
-    likely = np.argsort(-place.probability, kind="stable")[:_LIKELY]
+    likely = np.argsort(-place.probability, kind="stable")[: PLACE.likely_places]
     held = place.probability[likely]
     table = likelihood_table(one, place.fading_db)
-    levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
+    levels_db = place.level_db + PLACE.flights_sigma_db * np.linspace(-2.0, 2.0, 13)
     logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
     own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
@@ -213,7 +167,7 @@ def _shows_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
     """Whether the distance to any of some places varied; it does not for distant ones."""
     away_db = [_away_db(one, *east_north_m) for one in heard]
     spread_db = np.ptp(np.concatenate(away_db, axis=1), axis=1)
-    return bool(spread_db.max() >= _SAME_RANGE_DB)
+    return bool(spread_db.max() >= PLACE.same_range_db)
 
 
 def _all_logs(
@@ -236,9 +190,9 @@ def _all_logs(
     away_db = [_away_db(one, *east_north_m) for one in heard]
     top_db = _strongest(gains_db)
     logs = []
-    for exponent in _EXPONENTS:
+    for exponent in PLACE.exponents:
         turned_db = [
-            gain_db + (EXPONENT - exponent) * away
+            gain_db + (SEARCH.exponent - exponent) * away
             for gain_db, away in zip(gains_db, away_db, strict=True)
         ]
         shift_db = top_db - _strongest(turned_db)  # levels are of the strongest pulse
@@ -255,7 +209,9 @@ def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
 
     `logs`: shape (falls, places, levels). `levels_db`: shape (levels,).
     """
-    fine = np.linspace(levels_db[0], levels_db[-1], _LEVEL_PARTS * (len(levels_db) - 1) + 1)
+    fine = np.linspace(
+        levels_db[0], levels_db[-1], PLACE.level_parts * (len(levels_db) - 1) + 1
+    )
     between = interpolate.CubicSpline(levels_db, logs, axis=2)(fine)
     top = between.max(axis=2)
     between -= top[..., np.newaxis]
@@ -280,10 +236,12 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
         own = _logs(one, gain_db, table, levels_db, counted)
         if one.log_trains is not None:
             # All evidence counts for whether it is the tag's train, less for where it is.
-            own = _COUNTED * np.logaddexp(0.0, own - one.log_trains)
+            own = PLACE.counted * np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
             top = own.max(axis=1, keepdims=True)
-            blurred = ndimage.gaussian_filter1d(np.exp(own - top), _BETWEEN_DB, mode="nearest")
+            blurred = ndimage.gaussian_filter1d(
+                np.exp(own - top), PLACE.flights_sigma_db, mode="nearest"
+            )
             own = top + np.log(np.maximum(blurred, 1e-300))
         logs += own
     return logs
@@ -315,7 +273,7 @@ def _logs(
     chosen *= np.float32(counted)
     # Levels are `apart` of the table's steps from each other: those of a place and pulse
     # are among every `apart`-th of its rows.
-    apart = round((levels_db[1] - levels_db[0]) / STEP_DB)
+    apart = round((levels_db[1] - levels_db[0]) / PLACE.strength_step_db)
     beyond = apart * len(levels_db)
     padded = np.pad(chosen, ((0, 0), (beyond, beyond + apart)), mode="edge")
     width = padded.shape[1] // apart
@@ -328,11 +286,11 @@ def _logs(
         inverses = np.exp(-thinned.astype(np.float64))
         inverses = np.lib.stride_tricks.sliding_window_view(inverses, len(levels_db), axis=2)
     # Few places at a time: what is looked up stays in the processor's cache.
-    block = max(1, _BLOCK // max(len(at), 1)) if one.rates == 1 else _BLOCK_OF_RATES
+    block = max(1, PLACE.block // max(len(at), 1)) if one.rates == 1 else PLACE.rates_block
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)
         sought_db = gain_db[some] - beyond_db + levels_db[0]
-        first = np.rint((sought_db - STRENGTHS_DB[0]) / STEP_DB)
+        first = np.rint((sought_db - STRENGTHS_DB[0]) / PLACE.strength_step_db)
         first = np.clip(first, -beyond, chosen.shape[1] - 1).astype(np.intp) + beyond
         logs[some] = levels[first % apart, at, first // apart].sum(axis=1)
         if one.rates > 1:
@@ -351,10 +309,10 @@ def _counted(one: HeardTrain, fading_db: float) -> float:
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
     precision = 1.0 / (37.7 / above + fading_db**2)
-    beyond = float(precision @ np.maximum(precision - 1.0 / _NOISY_DB2, 0.0)) / float(
+    beyond = float(precision @ np.maximum(precision - 1.0 / PLACE.noisy_db2, 0.0)) / float(
         precision.sum()
     )
-    return 1.0 / (1.0 / _COUNTED + _LASTING_DB2 * beyond)
+    return 1.0 / (1.0 / PLACE.counted + PLACE.lasting_db2 * beyond)
 
 
 def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
@@ -372,7 +330,7 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
         logs=held,
         level_db=level_db,
     )
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(PLACE.most_rounds):
         which = ground.to_part()
         if not len(which):
             break
@@ -383,7 +341,7 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
         held, level_db = _over_levels(found, levels_db)
         ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
     held = ground.held
-    believed = held[held.sum(axis=1) >= _LEAST_FALL]
+    believed = held[held.sum(axis=1) >= PLACE.least_exponent_share]
     cells = Cells(
         plane=places.plane,
         bearing_deg=ground.bearing_deg,

@@ -27,42 +27,10 @@ from uavrt.integration.folding import (
     slots_added,
 )
 from uavrt.integration.places import distinct
+from uavrt.integration.tuning import SEARCH
 from uavrt.messages import Tag
 
 _Floats = NDArray[np.float64]
-DESIGN_ENR = 2.0
-"""Energy over noise of the strongest pulse for which the weights are designed: 3 dB."""
-KEPT_VARIANCE = 0.995
-"""Share of the weights' variance that the folded patterns keep: 0.01 dB are lost."""
-FEW_PATTERNS = 8
-"""Number of patterns, as where the drone turns in place, folded for all places at once."""
-_COARSE_VARIANCE, _COARSE_ALIKE = 0.90, 0.85
-"""Variance and correlation for the patterns and places that choose cells to examine in full:
-three times fewer of both. A train of 7 standard deviations has 5.6 there at the worst place."""
-_LOOKED_AT = 400
-"""Cells examined in full, of tens of thousands that are each the best of a place, frequency and
-period. In twenty minutes of noise the last of them has 5.0 to 5.4 standard deviations."""
-_SIDE_BY_SIDE = 48
-"""Sums folded at once, of frequencies times patterns: 60 MB. With NumPy 0.8 ns an addition on
-the reference computer; 12 take 1.9 ns each."""
-_MOMENT_SLOTS = 16384
-_LEAST_SKEWNESS = 0.02
-_INDEPENDENT = 6.0
-"""Hypotheses for each pattern and cell one correlation length wide in phase and interval. From
-the least probabilities of noise flights (`uavrt experiment integrate`)."""
-_OF_BURSTS = 2.5
-"""Factor for bursts of a coded tag, each the best of some stretches of its gaps."""
-_LOUD_INDEPENDENT = 1.5
-"""Hypotheses for each cell of marks."""
-_LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-"""Lags at which the correlation of a row's energies is computed [slots]."""
-_LOUD_SHARE = 0.02
-"""Share of the false alarms for trains of loud pulses, which are beyond doubt."""
-_LEAST_LOUD = 4
-_ALIKE = 0.95
-"""Share of the best train's log probability from which another may be of the same marks."""
-_FOR_MIDDLES = 0.4
-"""Weight for central slots, below that of any mark."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,8 +93,8 @@ class Weights:
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
         moments = np.zeros((3, len(mixing)))
-        for first in range(0, basis.shape[1], _MOMENT_SLOTS):
-            part = slice(first, first + _MOMENT_SLOTS)
+        for first in range(0, basis.shape[1], SEARCH.moment_slots):
+            part = slice(first, first + SEARCH.moment_slots)
             weight = (mixing @ basis[:, part]).T.astype(np.float32)
             energy = energies.energy[:, part]
             power = weight**2
@@ -140,7 +108,7 @@ class Weights:
             basis=basis.astype(np.float32),
             mixing=mixing.astype(np.float32),
             deviation=deviation,
-            skewness=np.maximum(each * cube / deviation**3, _LEAST_SKEWNESS),
+            skewness=np.maximum(each * cube / deviation**3, SEARCH.least_skewness),
             interval_s=interval_s,
             spread=_spread(*moments),
         )
@@ -195,7 +163,7 @@ def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
     return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
 
 
-def pulse_weights(gain: _Floats, design_enr: float = DESIGN_ENR) -> _Floats:
+def pulse_weights(gain: _Floats, design_enr: float = SEARCH.design_enr) -> _Floats:
     """Weights of pulses from their energies relative to the strongest, of any shape."""
     strength = np.asarray(design_enr * gain)
     above = 1.0 + strength
@@ -204,27 +172,23 @@ def pulse_weights(gain: _Floats, design_enr: float = DESIGN_ENR) -> _Floats:
 
 
 def low_rank_weights(
-    gain: _Floats,
-    time_s: _Floats,
-    energies: SlotEnergies,
-    interval_s: float,
-    kept_variance: float = KEPT_VARIANCE,
+    gain: _Floats, time_s: _Floats, energies: SlotEnergies, interval_s: float
 ) -> Weights:
     """Reduce the places' gains to a few patterns to fold, and how to mix them.
 
     `gain` (places, times): energy of a pulse relative to that place's strongest. `time_s`
     (times,): from the first slot's beginning, ascending. `interval_s`: nominal, for the number
-    of pulses. `kept_variance`: share of the weights' variance that the patterns keep.
+    of pulses.
     """
-    mixing, patterns = low_rank(pulse_weights(gain), kept_variance)
+    mixing, patterns = low_rank(pulse_weights(gain))
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
 
 
-def low_rank(weights: _Floats, kept_variance: float = KEPT_VARIANCE) -> tuple[_Floats, _Floats]:
+def low_rank(weights: _Floats) -> tuple[_Floats, _Floats]:
     """Factors of weights: (places, patterns) and (patterns, times)."""
     left, values, right = np.linalg.svd(weights, full_matrices=False)
     kept = np.cumsum(values**2) / max(float(np.sum(values**2)), 1e-30)
-    rank = int(np.searchsorted(kept, kept_variance)) + 1
+    rank = int(np.searchsorted(kept, SEARCH.kept_variance)) + 1
     return np.asarray(left[:, :rank] * values[:rank]), np.asarray(right[:rank])
 
 
@@ -285,7 +249,7 @@ def _folds(
     patterns = len(weights.basis)
     low_s, high_s = between_s
     slots = values.shape[1]
-    chunk = max(1, _SIDE_BY_SIDE // patterns)
+    chunk = max(1, SEARCH.side_by_side // patterns)
     for begin in range(0, len(rows), chunk):
         some = np.asarray(rows[begin : begin + chunk], np.intp)
         weighed = (values[some][:, np.newaxis] * weights.basis).reshape(-1, slots)
@@ -325,8 +289,8 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     """
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
-    independent = _INDEPENDENT * (_OF_BURSTS if energies.pulses > 1 else 1.0)
-    return independent * cells / (1.0 - _LOUD_SHARE)
+    independent = SEARCH.hypotheses * (SEARCH.burst_hypotheses if energies.pulses > 1 else 1.0)
+    return independent * cells / (1.0 - SEARCH.loud_share)
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
@@ -341,10 +305,10 @@ def correlation_slots(energies: SlotEnergies) -> _Floats:
         np.einsum("fs,fs->f", energy[:, :-lag], energy[:, lag:]) / power
         if lag < energy.shape[1]
         else np.zeros(len(energy))
-        for lag in _LAGS
+        for lag in SEARCH.lags
     ]
     squares = np.square([np.ones(len(energy)), *alike])
-    return np.asarray(2.0 * np.trapezoid(squares, (0, *_LAGS), axis=0))
+    return np.asarray(2.0 * np.trapezoid(squares, (0, *SEARCH.lags), axis=0))
 
 
 def _cells(energies: SlotEnergies, tag: Tag) -> float:
@@ -361,7 +325,7 @@ def search_flight(
     tag: Tag,
     *,
     most: int = 20,
-    few_patterns: int = FEW_PATTERNS,
+    few_patterns: int = SEARCH.few_patterns,
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag, the least likely by chance first.
 
@@ -422,9 +386,9 @@ def _weak_trains(
 def _coarser(weights: Weights, energies: SlotEnergies) -> Weights:
     """Fewer patterns, and places that represent the others in them."""
     kept = np.cumsum(np.sum(weights.mixing.astype(np.float64) ** 2, axis=0))
-    rank = int(np.searchsorted(kept, _COARSE_VARIANCE * kept[-1])) + 1
+    rank = int(np.searchsorted(kept, SEARCH.coarse_variance * kept[-1])) + 1
     mixing = weights.mixing[:, :rank].astype(np.float64)
-    mixing = mixing[distinct(mixing, _COARSE_ALIKE)]
+    mixing = mixing[distinct(mixing, SEARCH.coarse_correlation)]
     basis = weights.basis[:rank].astype(np.float64)
     return Weights.of(basis, mixing, energies, weights.interval_s)
 
@@ -438,7 +402,7 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
         steps = fold_rows(slots, int(period[at])) - 1
         row = round((found.interval[at] - period[at]) * steps)
         cells.setdefault((int(found.row[at]), int(period[at]), row, int(found.phase[at])), at)
-        if len(cells) == _LOOKED_AT:
+        if len(cells) == SEARCH.examined_cells:
             break
     chosen = np.fromiter(cells.values(), np.intp)
     turned = np.ascontiguousarray(weights.basis.T)
@@ -459,7 +423,7 @@ def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergi
 def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrain]:
     """Trains of marks: their number of N slots follows the binomial law by chance."""
     counts = np.count_nonzero(energies.loud, axis=1)
-    rows = np.flatnonzero(counts >= _LEAST_LOUD)
+    rows = np.flatnonzero(counts >= SEARCH.least_marks)
     if not len(rows):
         return []
     trains = []
@@ -470,7 +434,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
         for between in intervals_searched(tag)
     ]
     cells = _cells(energies, tag) * len(energies.energy)
-    hypotheses = _LOUD_INDEPENDENT * cells / _LOUD_SHARE
+    hypotheses = SEARCH.loud_hypotheses * cells / SEARCH.loud_share
     for rate, found in enumerate(parts, 1):
         logs = loud_tail(energies, found, plain)
         order, logs = _through_middles(logs, found, energies)
@@ -492,7 +456,7 @@ def _through_middles(
     order = np.argsort(logs, kind="stable")
     if not len(order):
         return order, logs
-    alike = order[logs[order] <= _ALIKE * logs[order[0]]]
+    alike = order[logs[order] <= SEARCH.same_marks_share * logs[order[0]]]
     seen = found.score[alike] / np.sqrt(found.interval[alike] * energies.slot_s)
     central = alike[np.argsort(-seen, kind="stable")]
     shared = logs.copy()
@@ -518,7 +482,7 @@ def _marks(
         after = np.minimum.accumulate(np.where(loud, len(at), at)[::-1])[::-1] - at
         middle = np.minimum(before, after) / np.maximum(np.maximum(before, after), 1)
         more = middle * energies.level[row] / loudest
-        marks[row] = np.where(loud, 1.0 + _FOR_MIDDLES / most * more, 0.0)
+        marks[row] = np.where(loud, 1.0 + SEARCH.middle_weight / most * more, 0.0)
     return marks
 
 

@@ -390,37 +390,26 @@ class FileServer:
     def _accept(
         self, request: FtpPacket, peer: Peer, data: bytes = b"", *, offset: int = 0
     ) -> None:
-        self._reply(
-            request,
-            peer,
-            FtpPacket(
-                sequence=request.sequence + 1,
-                session=request.session,
-                opcode=Opcode.ACK,
-                request_opcode=request.opcode,
-                offset=offset,
-                data=data,
-            ),
-        )
+        self._reply(request, peer, Opcode.ACK, offset, data)
 
     def _refuse(self, request: FtpPacket, peer: Peer, refusal: FileRefused) -> None:
         if refusal.error is not FtpError.END_OF_FILE:
             self.refused += 1
         number = (refusal.number,) if refusal.error is FtpError.FAIL_ERRNO else ()
-        self._reply(
-            request,
-            peer,
-            FtpPacket(
-                sequence=request.sequence + 1,
-                session=request.session,
-                opcode=Opcode.NAK,
-                request_opcode=request.opcode,
-                offset=request.offset,
-                data=bytes((refusal.error, *number)),
-            ),
-        )
+        data = bytes((refusal.error, *number))
+        self._reply(request, peer, Opcode.NAK, request.offset, data)
 
-    def _reply(self, request: FtpPacket, peer: Peer, reply: FtpPacket) -> None:
+    def _reply(
+        self, request: FtpPacket, peer: Peer, opcode: Opcode, offset: int, data: bytes
+    ) -> None:
+        reply = FtpPacket(
+            sequence=request.sequence + 1,
+            session=request.session,
+            opcode=opcode,
+            request_opcode=request.opcode,
+            offset=offset,
+            data=data,
+        )
         client = self._clients.get(peer)
         if client is not None and client.request == request:
             client.reply = reply

@@ -16,7 +16,7 @@ import serial
 from serial.tools import list_ports
 
 from uavrt.clock import monotonic_s
-from uavrt.errors import LinkError
+from uavrt.errors import LinkError, os_errors_as
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
 from uavrt.mavlink.link import MAX_PENDING, RETRY_S, Link, Parser
@@ -50,13 +50,12 @@ class TcpLink(Link):
 
     async def open(self) -> None:
         """Connect, then keep connected."""
-        try:
+        with os_errors_as(
+            LinkError,
+            self.address,
+            "Check the host and port, and that the other side is listening",
+        ):
             reader = await self._connect()
-        except OSError as error:
-            raise LinkError(
-                f"{self.address}: {error.strerror or error}",
-                remedy="Check the host and port, and that the other side is listening",
-            ) from error
         self._task = asyncio.get_running_loop().create_task(self._run(reader))
 
     async def close(self) -> None:

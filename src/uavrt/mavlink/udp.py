@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 from uavrt.clock import monotonic_s, wall_ns
-from uavrt.errors import LinkError
+from uavrt.errors import LinkError, os_errors_as
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
 from uavrt.mavlink.link import RETRY_S, Link, Parser
@@ -54,7 +54,12 @@ class UdpLink(Link):
     async def open(self) -> None:
         """Bind or connect the socket."""
         listen = self.address.kind == "udpin"
-        try:
+        with os_errors_as(
+            LinkError,
+            self.address,
+            f"Port {self.address.port} may be in use by another program "
+            "(`ss -ulpn` shows which), or the address does not belong to this computer",
+        ):
             found = await asyncio.get_running_loop().getaddrinfo(
                 self.address.host, self.address.port, type=socket.SOCK_DGRAM
             )
@@ -74,12 +79,6 @@ class UdpLink(Link):
             except OSError:
                 opened.close()
                 raise
-        except OSError as error:
-            raise LinkError(
-                f"{self.address}: {error.strerror or error}",
-                remedy=f"Port {self.address.port} may be in use by another program "
-                "(`ss -ulpn` shows which), or the address does not belong to this computer",
-            ) from error
         self._socket = opened
         self._listen()
 

@@ -15,7 +15,7 @@ Ground = Callable[[_Floats, _Floats], _Floats]
 """Height of the ground [m] at positions in the plane, with any datum."""
 
 _LEAST_AREA_M2 = 100.0
-_NAMED = 3
+_LISTED_CORNERS = 3
 """Most corners beyond the fence that an error lists."""
 _SPACING_M = 5.0
 """Distance between the checked points of a path."""
@@ -289,7 +289,7 @@ class SearchArea:
         within = self.fence.contains(*_nudged(corners).T)
         if not np.all(within):
             outside = [str(n + 1) for n in np.flatnonzero(~within)]
-            named, more = ", ".join(outside[:_NAMED]), len(outside) - _NAMED
+            named, more = ", ".join(outside[:_LISTED_CORNERS]), len(outside) - _LISTED_CORNERS
             named = f"s {named}" if len(outside) > 1 else f" {named}"
             named += f" and {more} more" if more > 0 else ""
             raise PlanError(

@@ -28,7 +28,7 @@ _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
 _ERRORS = 9
 """Values of the level's common error."""
-_ENR_DB = np.arange(-15.0, 35.25, 0.25)
+_GROUP_ENR_DB = np.arange(-15.0, 35.25, 0.25)
 _NOTHING_DB = -60.0
 
 
@@ -178,7 +178,7 @@ def coverage_of(
             groups += 1
             enr_db = 10.0 * np.log10(np.maximum(summed / tag.k, 1e-6))
             for number, error in enumerate(errors_db):
-                at = (enr_db + (level_sigma_db * error - _ENR_DB[0])) * 4.0
+                at = (enr_db + (level_sigma_db * error - _GROUP_ENR_DB[0])) * 4.0
                 row = np.clip(at + 0.5, 0, len(found) - 1).astype(np.int32)
                 missed[number] += found[row]
             summed[:] = 0.0
@@ -226,7 +226,7 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
     """Log-probability of missing a group, by ENR in steps of a quarter decibel."""
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
-        for enr in _ENR_DB
+        for enr in _GROUP_ENR_DB
     ]
     return np.log(np.maximum(1.0 - np.array(found), 1e-12)).astype(np.float32)
 

@@ -9,9 +9,9 @@ from uavrt.errors import ConfigError
 from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 _J_PER_WH = 3600.0
-_DRIFTS = 0.03
+_SCALE_DRIFT = 0.03
 """Change of the scale between two updates, by wind and the battery's voltage."""
-_CLIMB_M_S, _SINK_M_S = 3.0, 1.5
+_RETURN_CLIMB_M_S, _RETURN_SINK_M_S = 3.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +68,7 @@ class EnergyModel:
             )
         per_scale = predicted_wh / self.scale
         off = used_wh - predicted_wh
-        sigma = hypot(self.scale_sigma, _DRIFTS)
+        sigma = hypot(self.scale_sigma, _SCALE_DRIFT)
         if abs(off) > 2.0 * hypot(per_scale * sigma, sigma_wh):
             sigma = abs(off) / per_scale
         precision = 1.0 / sigma**2 + (per_scale / sigma_wh) ** 2
@@ -104,7 +104,7 @@ class EnergyModel:
             hypot(way[0] * steady - wind.east_m_s, way[1] * steady - wind.north_m_s),
         )
         climb = max(0.0, return_height_m - state.height_m)
-        upright = climb / _CLIMB_M_S + (state.height_m + climb) / _SINK_M_S
+        upright = climb / _RETURN_CLIMB_M_S + (state.height_m + climb) / _RETURN_SINK_M_S
         sure = 1.0 + sigmas * self.scale_sigma / self.scale
         used = self.used_wh(flying, airspeed) + self.used_wh(upright, wind.speed_m_s, climb)
         return sure * used

@@ -16,7 +16,7 @@ from uavrt.planning.vehicle import Legs, Path
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
 """East and north of a straight path's start and end [m]."""
-_STEP_S = 1.0
+_CHECK_STEP_S = 1.0
 _SAMPLES = 8
 
 
@@ -67,7 +67,7 @@ class OtherDrones:
         if not self.listening:
             return None
         shares = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-        left = np.array([max(_STEP_S, one.time_s[-1] - time_s) for one in self.listening])
+        left = np.array([max(_CHECK_STEP_S, one.time_s[-1] - time_s) for one in self.listening])
         times = left[:, None] * shares
         places = [
             _places_at(one, time_s + row)

@@ -45,7 +45,7 @@ class WholeFlightModel:
 MODEL = WholeFlightModel()
 
 
-_ENR_DB = np.arange(-40.0, 40.25, 0.25)
+_TRAIN_ENR_DB = np.arange(-40.0, 40.25, 0.25)
 _SKEWNESSES = np.linspace(0.01, 2.0, 100)
 
 
@@ -92,8 +92,8 @@ class WholeFlightSum:
         self._cubes += square * weight
         enr_db = 10.0 * np.log10(np.maximum(energy, 1e-9))
         for number, error_db in enumerate(self._errors_db):
-            at = (enr_db + (error_db - MODEL.loss_db - _ENR_DB[0])) * 4.0
-            row = np.clip(at + 0.5, 0, len(_ENR_DB) - 1).astype(np.int32)
+            at = (enr_db + (error_db - MODEL.loss_db - _TRAIN_ENR_DB[0])) * 4.0
+            row = np.clip(at + 0.5, 0, len(_TRAIN_ENR_DB) - 1).astype(np.int32)
             self._shift[number] += weight * self._mean[row]
             self._spread[number] += square * self._variance[row]
 
@@ -114,19 +114,15 @@ class WholeFlightSum:
 
 
 def whole_flight_enr_db(
-    tag: Tag,
-    gain_db: _Floats,
-    probabilities: Sequence[float],
-    *,
-    frequency_window_hz: float = 500.0,
+    tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
     """ENR [dB] of the strongest pulse with which a whole flight detects a tag.
 
     `gain_db` (pulses,): relative level of each pulse of the flight. `probabilities`: detection
-    probabilities. `frequency_window_hz`: half-width of the search around the tag's frequency.
+    probabilities, with a search of ± 500 Hz around the tag's frequency.
     """
     levels_db = np.arange(-15.0, 30.25, 0.25)
-    judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)
+    judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
     for step in (judged.look, judged.add):
         for energy in energies:
@@ -166,7 +162,7 @@ def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]
     """
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)
-    strength = 10.0 ** (_ENR_DB / 10.0)[:, np.newaxis]
+    strength = 10.0 ** (_TRAIN_ENR_DB / 10.0)[:, np.newaxis]
     law = below ** (many - 1.0) * special.chndtr(2.0 * energy, 2, 2.0 * strength)
     noise = below**many
     first, second, third = (

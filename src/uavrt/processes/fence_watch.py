@@ -66,7 +66,7 @@ class FenceWatch:
             self._end(self._download)
 
     def repeat(self) -> None:
-        """Repeat what was read: the guide is a new one."""
+        """Report the fence again to a restarted guide."""
         if self._known is not None:
             self._report(self._known)
 

@@ -35,9 +35,8 @@ class BandDatagramSource(DatagramSource):
     """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
     `address`: ``udp://localhost:10000``. `start_time_ns`: time of the first sample [ns, UTC];
-    then times follow from the nominal rate alone. `block_s`: length of a block [s]. Raises
-    `RadioError` if the port is taken, `ConfigError` or `FormatError` for an invalid address or
-    rate.
+    then times follow from the nominal rate alone. Raises `RadioError` if the port is taken,
+    `ConfigError` or `FormatError` for an invalid address or rate.
     """
 
     def __init__(
@@ -46,18 +45,14 @@ class BandDatagramSource(DatagramSource):
         *,
         sample_rate_hz: float,
         center_frequency_hz: float,
-        clock: Clock | None = None,
         start_time_ns: int | None = None,
-        block_s: float = BLOCK_S,
     ) -> None:
         # Bursts of datagrams are normal here; a new start would make a step of the times.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
-        self.datagrams_lost = 0
-        """Datagrams that the system reports as dropped because we were too slow."""
         self.realigned = 0
         """Number of times that the alignment of samples was corrected."""
-        self._clock = Clock.start() if clock is None else clock
-        self._want = SAMPLE_BYTES * max(64, round(block_s * sample_rate_hz))
+        self._clock = Clock.start()
+        self._want = SAMPLE_BYTES * max(64, round(BLOCK_S * sample_rate_hz))
         self._joiner = ByteJoiner()
         self._blocks: list[tuple[NDArray[np.complex64], int]] = []
         self._overflows: dict[socket.socket, int] = {}
@@ -96,7 +91,6 @@ class BandDatagramSource(DatagramSource):
                         count = int.from_bytes(data[:4], "little")
                         lost = (count - self._overflows.get(sock, 0)) & 0xFFFF_FFFF
                         self._overflows[sock] = count
-                self.datagrams_lost += lost
                 self._joiner.put(payload, lost)
 
     def _block(self) -> IQBlock:

@@ -37,8 +37,8 @@ class ChannelDatagramSource(DatagramSource):
     """A channel's samples at a UDP port; a `SampleSource`.
 
     `address`: ``udp://127.0.0.1:20000``. `sample_rate_hz`: rate of the channel; the original's
-    is 3750. `style`: how stamps are written; None: recognised. Raises `RadioError` if the port
-    is taken, `ConfigError` or `FormatError` for an invalid address or rate.
+    is 3750. Raises `RadioError` if the port is taken, `ConfigError` or `FormatError` for an
+    invalid address or rate.
     """
 
     def __init__(
@@ -47,14 +47,13 @@ class ChannelDatagramSource(DatagramSource):
         *,
         sample_rate_hz: float,
         center_frequency_hz: float,
-        style: StampStyle | None = None,
     ) -> None:
         super().__init__(sample_rate_hz, center_frequency_hz)
         self.late = 0
         """Datagrams dropped as late or repeated."""
         self.refused = 0
         """Datagrams that are no frames."""
-        self._style = style
+        self._style: StampStyle | None = None
         self._frames = FrameOrder(sample_rate_hz)
         self._arrived_s = monotonic_s()
         self._listen(address)

@@ -15,7 +15,7 @@ from typing import Final
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config.radios import RadioRow
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import RadioAmbiguous, RadioError, RadioMissing, RadioStalled
+from uavrt.errors import RadioAmbiguous, RadioError, RadioMissing, RadioStalled, os_errors_as
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.answers import cause_of, exit_error, serial_error, stalled
@@ -320,7 +320,11 @@ def _talkative(program: RadioRow, settings: RadioSettings, until_s: float) -> li
 def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
     _find(command[0], package)
     log.info("starting radio", command=" ".join(command))
-    try:
+    with os_errors_as(
+        RadioMissing,
+        f"cannot run {command[0]}",
+        f"Install it again: sudo apt install --reinstall {package}",
+    ):
         return subprocess.Popen(
             [*_die_with_us(), *command],
             stdin=subprocess.DEVNULL,
@@ -329,11 +333,6 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
             bufsize=0,
             start_new_session=True,
         )
-    except OSError as error:
-        raise RadioMissing(
-            f"cannot run {command[0]}: {error.strerror}",
-            remedy=f"Install it again: sudo apt install --reinstall {package}",
-        ) from error
 
 
 def _die_with_us() -> list[str]:

@@ -5,6 +5,8 @@ file as a `Layout`; `RecordingSource` reads any layout.
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, Protocol
@@ -73,16 +75,12 @@ class _FileBytes:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        try:
+        with reading(path):
             self._file = path.open("rb", buffering=0)
-        except OSError as error:
-            raise cannot_read(path, error) from error
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        try:
+        with reading(self._path):
             return os.preadv(self._file.fileno(), [view], offset)
-        except OSError as error:
-            raise cannot_read(self._path, error) from error
 
     def close(self) -> None:
         self._file.close()
@@ -240,23 +238,24 @@ def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> 
     return said
 
 
-def cannot_read(path: Path, error: OSError) -> FormatError:
-    """Make the error for a file that cannot be read."""
-    remedy = (
-        "Check the path" if isinstance(error, FileNotFoundError) else "Check its permissions"
-    )
-    return FormatError(f"cannot read {path}: {error.strerror}", remedy=remedy)
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Context that reads a file; raises `FormatError` where the system cannot."""
+    try:
+        yield
+    except OSError as error:
+        missing = isinstance(error, FileNotFoundError)
+        remedy = "Check the path" if missing else "Check its permissions"
+        raise FormatError(f"cannot read {path}: {error.strerror}", remedy=remedy) from error
 
 
 def file_size(path: Path) -> int:
     """Size of a regular file [bytes]; raises `FormatError` for anything else."""
-    try:
+    with reading(path):
         if path.is_dir():
             raise FormatError(f"{path} is a directory", remedy="Name a recording in it")
         require_plain_file(path)
         return path.stat().st_size
-    except OSError as error:
-        raise cannot_read(path, error) from error
 
 
 def file_start_ns(path: Path, samples: int, sample_rate_hz: float) -> int:
@@ -307,12 +306,9 @@ def raw_layout(
 
 
 def _refuse_floats(path: Path, sample_format: SampleFormat) -> None:
-    try:
-        with path.open("rb") as file:
-            # Enough to decide, in no noticeable time.
-            start = file.read(1 << 16)
-    except OSError as error:
-        raise cannot_read(path, error) from error
+    with reading(path), path.open("rb") as file:
+        # Enough to decide, in no noticeable time.
+        start = file.read(1 << 16)
     if look_like_floats(start):
         raise FormatError(
             f"{path} does not hold {sample_format.name}: these are float samples",

@@ -22,9 +22,9 @@ from uavrt.radio.recording import (
     SAID,
     Layout,
     Segment,
-    cannot_read,
     file_size,
     file_start_ns,
+    reading,
 )
 from uavrt.radio.times import NominalTimes
 from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
@@ -226,9 +226,8 @@ def _paths(path: Path) -> tuple[Path, Path]:
 
 def _load(path: Path) -> Mapping[str, Any]:
     try:
-        loaded = read_json(read_file(path, NOTES), NOTES)
-    except OSError as error:
-        raise cannot_read(path, error) from error
+        with reading(path):
+            loaded = read_json(read_file(path, NOTES), NOTES)
     except (ValueError, RecursionError) as error:
         raise _fault(
             path,

@@ -4,7 +4,7 @@ import errno
 import socket
 from typing import Any, Final
 
-from uavrt.errors import ConfigError, RadioError
+from uavrt.errors import ConfigError, RadioError, os_errors_as
 
 BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Buffer requested for each socket: 1.4 s of a 375 kS/s band, minutes of one channel. The
@@ -91,10 +91,6 @@ def send_socket(host: str) -> socket.socket:
 
 def _places(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
     """List the families and addresses of a name; raises `RadioError` if it has none."""
-    try:
+    with os_errors_as(RadioError, f"no address {host}", "Check the name, or write numbers"):
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-    except OSError as error:
-        raise RadioError(
-            f"no address {host}: {error.strerror}", remedy="Check the name, or write numbers"
-        ) from error
     return [(family, address) for family, _, _, _, address in found]

@@ -27,10 +27,10 @@ from uavrt.radio.recording import (
     SAID,
     Layout,
     Segment,
-    cannot_read,
     file_size,
     file_start_ns,
     name_says,
+    reading,
 )
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -96,11 +96,8 @@ def wav_layout(
     without a radio frequency.
     """
     size = file_size(path)
-    try:
-        with path.open("rb") as file:
-            header = _read_chunks(file, path, size)
-    except OSError as error:
-        raise cannot_read(path, error) from error
+    with reading(path), path.open("rb") as file:
+        header = _read_chunks(file, path, size)
     if header.channels != 2:
         raise FormatError(
             f"{path} is not I/Q, which has 2 channels: it has {header.channels}",

@@ -27,7 +27,6 @@ class ChannelBudget:
         self.bytes = 0
         """Size of all pieces, with those being written."""
         self.removed_pieces = 0
-        self.removed_bytes = 0
 
     def look(self) -> None:
         """Find the pieces of earlier flights, and of this one before a restart."""
@@ -82,4 +81,3 @@ class ChannelBudget:
             log.warning("samples not removed", file=str(path), reason=str(error))
             return
         self.removed_pieces += 1
-        self.removed_bytes += size

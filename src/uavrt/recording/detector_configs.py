@@ -121,14 +121,14 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
         pairs.append(("name", " ".join(tag.name.split())))
     lines = ["##################################################"]
     lines += [f"{key}:\t{value}" for key, value in pairs]
-    with os_errors_as(RecordingError, f"cannot write {path}", remedy="Free space on the disk"):
+    with os_errors_as(RecordingError, f"cannot write {path}", "Free space on the disk"):
         write_atomically(path, "\n".join(lines) + "\n")
 
 
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
     """Read the last record of a file, ours or an original's; raises `FormatError`."""
     name = os.fspath(path)
-    with os_errors_as(FormatError, f"cannot read {name}", remedy="Check the name"):
+    with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         text = read_file(path, SETTINGS).decode("utf-8", "replace")
     records: list[dict[str, str]] = [{}]
     for line in text.splitlines():

@@ -18,7 +18,7 @@ import msgspec
 
 from uavrt.atomic_file import write_atomically
 from uavrt.clock import parse_iso_intervals
-from uavrt.errors import FormatError, RecordingError
+from uavrt.errors import FormatError, RecordingError, os_errors_as
 from uavrt.foreign import NOTES, read_file, read_json
 from uavrt.messages import PulsePose
 from uavrt.recording.fields import IN_NO_TABLE
@@ -164,18 +164,17 @@ def write_integrated(
     pictures = sorted([*pictures, *folds], key=lambda one: one.tag_id)
     directory = FlightLayout(Path(flight)).integrated_directory
     lines = "".join(json.dumps(pulse_record(one), allow_nan=False) + "\n" for one in rows)
-    try:
+    with os_errors_as(
+        RecordingError,
+        f"cannot write {directory}",
+        "Copy the flight to a writable place, or give --no-save",
+    ):
         directory.mkdir(exist_ok=True)
         write_atomically(directory / "pulses.jsonl", lines)
         text = json.dumps([asdict(one) for one in every], allow_nan=False, indent=1) + "\n"
         write_atomically(directory / "tags.json", text)
         text = json.dumps([asdict(one) for one in pictures], allow_nan=False) + "\n"
         write_atomically(directory / "folds.json", text)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write {directory}: {error.strerror}",
-            remedy="Copy the flight to a writable place, or give --no-save",
-        ) from error
     return directory
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, Literal, TextIO
 
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, os_errors_as
 from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.messages import BurstInside, Pose, Pulse, PulseKey, PulsePose
 from uavrt.on_earth import is_attitude, place_on_earth
@@ -147,10 +147,8 @@ def read_pulse_file(
     dropped. Raises `FormatError` if it is unreadable, or most lines are no pulses.
     """
     name = os.fspath(path)
-    try:
+    with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         content = read_file(path, TEXT_LOG)
-    except OSError as error:
-        raise FormatError(f"cannot read {name}: {error}", remedy="Check the name") from error
     text = content.decode("utf-8-sig", errors="replace")
     if text.count("\ufffd") > len(text) // 100:
         raise FormatError(f"cannot read {name}: it is not text", remedy="Check the name")

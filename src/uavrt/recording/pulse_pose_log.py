@@ -123,7 +123,7 @@ def read_pulse_pose_log(
     Damaged lines are reported to `warn`, else logged. Raises `FormatError` if it is unreadable,
     or most lines are no pulses.
     """
-    with os_errors_as(FormatError, f"cannot read {os.fspath(path)}", remedy="Check the name"):
+    with os_errors_as(FormatError, f"cannot read {os.fspath(path)}", "Check the name"):
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
     lines = text.split("\n")
     finished, rest = lines[:-1], lines[-1]

@@ -40,10 +40,7 @@ REMEMBERED_PULSES = 1000
 
 
 class Gateway:
-    """Both directions of the translation.
-
-    `bus`: the ROS 2 side. `send`: takes a topic and a record for the supervisor.
-    """
+    """Both directions of the translation, between a `bus` of ROS 2 and the supervisor."""
 
     def __init__(
         self,

@@ -57,10 +57,7 @@ class _Setting:
 
 
 class ParameterServices:
-    """Answers requests for parameters.
-
-    `running`: whether detection runs. `ask`: sends a change to the supervisor.
-    """
+    """Answers requests for parameters while detection is `running`; `ask` sends a change."""
 
     def __init__(
         self,
@@ -182,10 +179,7 @@ def _below(name: str, prefixes: tuple[str, ...]) -> bool:
 
 
 def _number(wanted: RosParameter) -> float:
-    """Read the number of a value; ``ros2 param set`` sends 5 as a whole number for a real one.
-
-    Raises `ConfigError` for a wrong type, or an unknown parameter.
-    """
+    """Number of a value, also a whole one for a real; raises `ConfigError` for a wrong type."""
     parameter = OFFERED.get(wanted.name)
     if parameter is None:
         raise ConfigError(f"no parameter {wanted.name[:40]}: known are {', '.join(OFFERED)}")

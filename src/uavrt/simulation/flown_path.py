@@ -58,10 +58,7 @@ class FlownPath:
         """North, east, up [m] from home, heading [deg]."""
 
     def state(self, time_ns: int) -> VehicleState | None:
-        """State at a time; None while nothing is written.
-
-        Linear between records; extrapolated for half a second at most after the last.
-        """
+        """State at a time, at most 0.5 s after the last one; None while nothing is written."""
         if not self._times_ns or self._times_ns[-1] < time_ns:
             self._read()
         if not self._times_ns:

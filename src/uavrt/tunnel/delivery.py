@@ -1,8 +1,8 @@
 """Track which pulses were sent: each goes to the ground once, and at once.
 
 The report that a pulse is recorded comes later. For a pulse sent before this process started,
-or by one that died over it, the flight's database has its state: whether it has reached the
-ground, and its pose.
+or by a process that died meanwhile, the flight's database has its state: its pose, and whether
+it has reached the ground.
 """
 
 from collections import OrderedDict, deque

@@ -30,7 +30,6 @@ class RequestCache:
 
     def __init__(self) -> None:
         self._requests: OrderedDict[tuple[Asker, int], _Request] = OrderedDict()
-        self.replayed = 0
 
     def repeated(
         self, asker: Asker, request_id: int, payload: bytes, now_s: float
@@ -47,7 +46,6 @@ class RequestCache:
         if known is not None and now_s - known.asked_s <= KEPT_S:
             if known.payload != payload:
                 raise TunnelError("request_id reuse: another command had this id", payload)
-            self.replayed += known.answer is not None
             return True if known.answer is None else known.answer
         self._requests[key] = _Request(payload, now_s)
         self._requests.move_to_end(key)

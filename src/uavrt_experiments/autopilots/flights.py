@@ -216,6 +216,7 @@ class _Rehearsed:
             await scene.link.upload_tags(scene.scenario.tags)
             self._directory = await scene.link.start_detection()
         scene.companion.kept.clear()
+        scene.companion.latest_s = 0.0
         hand.heading.clear()
         scene.pulses.clear()
         try:
@@ -250,6 +251,7 @@ class _Rehearsed:
             "duration_s": (out_s or scene.now_s) - confirmed_s,
             "arrived": takeover is None and has_arrived(ending),
             "flying": asdict(flying_of(kept, taken_s or math.inf)),
+            "relay_late_s": scene.companion.latest_s,
         }
         if takeover is not None and taken_s is not None:
             stood_s = self._stood_s if takeover.stops else None

@@ -10,6 +10,9 @@ from uavrt.simulation.airframe import Flavour
 from uavrt_experiments.statistics import rms
 from uavrt_experiments.tables import markdown, number
 
+RELAY_LATE_S = 0.5
+"""Delay in the rehearsal's own relay beyond which it may have ended the order itself [s]: the
+drone allows the autopilot's target report to be missing for 1 s."""
 OUT_WITHIN_S = 4.0
 """Bar: time to the order's end after a takeover that no message reveals, or its stop [s]."""
 SHARE = 0.20
@@ -53,9 +56,16 @@ def order_lines(outcomes: Sequence[Outcome]) -> Lines:
             flown = [one for one in mine if one["order"] == order]
             bad = [one for one in flown if not one.get("arrived")]
             well = f"{len(flown) - len(bad)} of {len(flown)}"
-            text = counted(one.get("failed") or one["ended"] for one in bad)
-            lines.append([name, order, well, text])
+            lines.append([name, order, well, counted(map(_ending, bad))])
     return lines
+
+
+def _ending(one: Outcome) -> str:
+    """How an order ended, and whether the rehearsal itself may be the cause."""
+    ended = str(one.get("failed") or one["ended"])
+    if one.get("relay_late_s", 0.0) <= RELAY_LATE_S:
+        return ended
+    return f"{ended} (the rehearsal passed frames on too late: repeat on a quiet computer)"
 
 
 def takeover_lines(outcomes: Sequence[Outcome]) -> Lines:
@@ -100,6 +110,10 @@ def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
                 lines.append(
                     [name, words, number(rms(errors)[0]), number(most), str(len(errors))]
                 )
+        late = [one["relay_late_s"] for one in mine if "relay_late_s" in one]
+        if late:
+            cells = number(median(late)), number(max(late)), str(len(late))
+            lines.append([name, "delay in the rehearsal's relay, s", *cells])
         pulses = [one["pulses"] for one in mine if "pulses" in one]
         if pulses:
             got, sent = (sum(column) for column in zip(*pulses, strict=True))
@@ -150,7 +164,7 @@ def _fault_in(one: Outcome) -> str | None:
     if "failed" in one:
         return str(one["failed"])
     if one["takeover"] is None:
-        return None if one["arrived"] else f'ended by "{one["ended"]}"'
+        return None if one["arrived"] else f'ended by "{_ending(one)}"'
     reaction, out_s = one["reaction"], one["out_s"]
     if reaction["commands_after"]:
         return f"{reaction['commands_after']} commands after it"

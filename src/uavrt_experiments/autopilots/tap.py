@@ -54,6 +54,10 @@ class Tap:
         self.kept: list[Kept] = []
         self.cut = False
         """True: no datagram passes."""
+        self.latest_s = 0.0
+        """Longest time from a datagram's arrival to its forwarding; set to 0 by the reader [s].
+
+        The stored times are those of the arrivals, so they do not show it."""
         self.heard: Callable[[Kept], None] = lambda _: None
         """Receives each frame of the autopilot."""
 
@@ -76,6 +80,7 @@ class Tap:
         if self.cut:
             return
         self._peer.send(data)
+        self._forwarded(arrival_ns)
         for one in self._keep(self._parsers[0], data, arrival_ns):
             self.heard(one)
 
@@ -83,7 +88,11 @@ class Tap:
         if self.cut:
             return
         self._autopilot.send(data)
+        self._forwarded(arrival_ns)
         list(self._keep(self._parsers[1], data, arrival_ns))
+
+    def _forwarded(self, arrival_ns: int) -> None:
+        self.latest_s = max(self.latest_s, s_from_ns(self._clock.now_ns() - arrival_ns))
 
     def _keep(self, parser: FrameParser, data: bytes, time_ns: int) -> Iterator[Kept]:
         for frame in parser.feed(data):

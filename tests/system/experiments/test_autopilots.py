@@ -38,7 +38,9 @@ def test_an_order_is_flown_taken_over_and_kept_frame_by_frame(tmp_path: Path) ->
     kept = read_frames(frames)
     assert {one.frame.component_id for one in kept} >= {1, 191}
     assert commands_of(kept)
-    assert "mode: land" in (place / "table.md").read_text()
+    table = (place / "table.md").read_text()
+    assert "mode: land" in table
+    assert "| delay in the rehearsal's relay, s |" in table
 
 
 @pytest.mark.timeout(120)

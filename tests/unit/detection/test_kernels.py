@@ -151,7 +151,9 @@ def test_the_levels_are_the_same(rows: int, scene: str) -> None:
             parts.append(part)
             unsteady.append(leveller.unsteady)
             now.append(float(leveller.rows_now.mean()))
-        told = [leveller.at(row, column) for row in (0, rows - 1) for column in range(1200)]
+        told = [
+            leveller.record.at(row, column) for row in (0, rows - 1) for column in range(1200)
+        ]
         return np.concatenate(parts, axis=1), told, unsteady, now
 
     one = levelled()

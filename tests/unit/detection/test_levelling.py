@@ -67,8 +67,8 @@ def test_rows_that_rise_beside_others_are_levelled_by_themselves() -> None:
         cells, leveller = levelled(samples)
         high = cells[:, columns(4.4, 7.9)].mean(axis=1)
         means.append([high[:32].mean(), high[50:].mean()])
-        assert 7.0 < leveller.at(70, columns(5.0, 6.0).start) < 13.0
-        assert 0.7 < leveller.at(8, columns(5.0, 6.0).start) < 1.5
+        assert 7.0 < leveller.record.at(70, columns(5.0, 6.0).start) < 13.0
+        assert 0.7 < leveller.record.at(8, columns(5.0, 6.0).start) < 1.5
     quiet, loud = np.mean(means, axis=0)
     assert 0.85 < quiet < 1.1
     assert 0.85 < loud < 1.1
@@ -83,7 +83,7 @@ def test_a_strong_pulse_is_no_rise_of_the_noise(enr_db: float) -> None:
         pulse = TruePulse(start_s=float(start_s), offset_hz=40.0, enr_db=enr_db)
         add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
     _, leveller = levelled(samples)
-    levels = [leveller.at(44, round(start_s / GRID.hop_s)) for start_s in starts_s[:-2]]
+    levels = [leveller.record.at(44, round(start_s / GRID.hop_s)) for start_s in starts_s[:-2]]
     assert max(abs(10.0 * np.log10(levels))) < 1.0
 
 
@@ -100,7 +100,7 @@ def test_after_a_fall_no_moment_is_told_as_loud_as_before() -> None:
     for first in range(0, power.shape[1] - STEP, STEP):
         leveller.level(power[:, first : first + STEP], unit, first)
         # As a track asks that has waited for these columns.
-        told += [(c, leveller.at(40, c)) for c in range(first + STEP - 60, first + STEP)]
+        told += [(c, leveller.record.at(40, c)) for c in range(first + STEP - 60, first + STEP)]
     quiet = [
         level
         for column, level in told

@@ -160,17 +160,21 @@ def test_a_whitener_leaves_white_noise_and_strong_pulses_as_they_are() -> None:
         assert not whitener.active
 
 
-@pytest.mark.parametrize(("coloured", "raised"), [(False, False), (True, True)])
-def test_an_excess_of_groups_raises_the_threshold_sooner_in_coloured_noise(
-    coloured: bool, raised: bool
-) -> None:
-    null = NullLattices(
+def lattices() -> NullLattices:
+    return NullLattices(
         lows=np.zeros((3, 2), np.intp),
         interval=500.0,
         expected_per_column=1e-4,
         threshold=25.0,
         limit=20.0,
     )
+
+
+@pytest.mark.parametrize(("coloured", "raised"), [(False, False), (True, True)])
+def test_an_excess_of_groups_raises_the_threshold_sooner_in_coloured_noise(
+    coloured: bool, raised: bool
+) -> None:
+    null = lattices()
     null.coloured = coloured
     hits = iter(range(10**9))
     # 1.4 times the groups of white noise, which are 0.68 of those calculated.
@@ -178,3 +182,21 @@ def test_an_excess_of_groups_raises_the_threshold_sooner_in_coloured_noise(
         null.count(1000, lambda _lows, _shorter: next(hits) * 7919 % 1000 < 95)
     assert (null.factor(25.0) > 1.02) == raised
     assert raised or null.factor(25.0) == 1.0
+
+
+@pytest.mark.parametrize(("coloured", "least", "most"), [(False, 0.0, 1.5), (True, 2.0, 4.0)])
+def test_the_threshold_is_found_within_a_few_groups_where_coloured_noise_begins(
+    coloured: bool, least: float, most: float
+) -> None:
+    # Each noise power that is added to the threshold takes away half of the groups: eight times
+    # those tolerated are balanced by three.
+    null = lattices()
+    null.coloured = coloured
+    rng = np.random.default_rng(7)
+
+    def group(_lows: NDArray[np.intp], _shorter: int) -> bool:
+        return bool(rng.random() < 0.64 * 0.5 ** (25.0 * null.factor(25.0) - 25.0))
+
+    for _ in range(4):
+        null.count(1000, group)
+    assert least <= 25.0 * null.factor(25.0) - 25.0 <= most

@@ -393,6 +393,11 @@ def test_a_table_of_a_good_rehearsal_has_no_fault() -> None:
             'PX4 SIH, survey: ended by "another turns the drone"',
         ),
         (
+            outcome("PX4 SIH", "goto", ended="lost", arrived=False, relay_late_s=1.3),
+            'PX4 SIH, goto: ended by "lost (the rehearsal passed frames on too late: repeat on '
+            'a quiet computer)"',
+        ),
+        (
             outcome(
                 "PX4 SIH",
                 "goto",

@@ -29,12 +29,12 @@ PEAK = max(range(len(FLOWN)), key=lambda number: FLOWN[number][0])
 
 
 def course_deg(north_m_s: float, east_m_s: float) -> float | None:
-    moves = hypot(north_m_s, east_m_s) > SAFETY.course_speed_m_s
+    moves = hypot(north_m_s, east_m_s) > SAFETY.course_m_s
     return degrees(atan2(east_m_s, north_m_s)) if moves else None
 
 
 def faults(rows: list[tuple[float, float, float]]) -> list[str | None]:
-    watch = YawWatch(start_s=0.0, yaw_deg=rows[0][0], tolerance_deg=SAFETY.heading_error_deg)
+    watch = YawWatch(start_s=0.0, yaw_deg=rows[0][0], tolerance_deg=SAFETY.yaw_deg)
     return [
         watch.fault(0.1 * n, yaw, BEARING_DEG, AWAY_M, course_deg(north, east))
         for n, (yaw, north, east) in enumerate(rows)
@@ -62,6 +62,6 @@ def test_a_heading_that_turns_away_from_both_course_and_bearing_is_not_ours() ->
 
 
 def test_a_heading_that_follows_a_fast_course_near_the_target_is_ours() -> None:
-    watch = YawWatch(start_s=0.0, yaw_deg=SWUNG[0][0], tolerance_deg=SAFETY.heading_error_deg)
+    watch = YawWatch(start_s=0.0, yaw_deg=SWUNG[0][0], tolerance_deg=SAFETY.yaw_deg)
     for number, (yaw, away_m, course) in enumerate(SWUNG):
         assert watch.fault(0.1 * number, yaw, -75.0, away_m, course) is None

@@ -353,7 +353,7 @@ def test_a_longitude_beyond_the_globe_is_no_place(longitude_deg: float) -> None:
         longitude_deg=longitude_deg,
         altitude_amsl_m=HOME.altitude_amsl_m + 40.0,
     )
-    with pytest.raises(CommandRefused, match="is no place"):
+    with pytest.raises(CommandRefused, match="is not a position"):
         flown.authority.command(pilot.order.order_id, place, flown.time_s)
 
 

@@ -15,7 +15,8 @@ from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
 from uavrt.analysis.whole_flight import JudgeAs
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.integration.energy_grid import slot_energies
-from uavrt.integration.growing import BLOCK_S, GrowingEnergies
+from uavrt.integration.growing import GrowingEnergies
+from uavrt.integration.tuning import ENERGY
 from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.recording.channel_recorder import ChannelRecorder
@@ -58,7 +59,7 @@ def test_energies_that_grow_are_those_of_the_whole_recording(weak: Rotation) -> 
     grown = some.energies()
     slots = len(grown.heard)
     assert slots * grown.slot_s == pytest.approx(some.length_s)
-    assert some.length_s > len(samples) / RATE_HZ - BLOCK_S - 1.0
+    assert some.length_s > len(samples) / RATE_HZ - ENERGY.block_s - 1.0
     assert grown.start_ns == whole.start_ns
     assert np.mean(grown.heard != whole.heard[:slots]) < 0.002
     both = grown.heard & whole.heard[:slots]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from depth import seeds
 
-from uavrt.integration.rates import _CHANGE, _STRAY, likeliest_states, other_rate_logs
+from uavrt.integration.rates import likeliest_states, other_rate_logs
+from uavrt.integration.tuning import PLACE
 from uavrt_experiments.integrate.flights import INTERVAL_S, stops
 from uavrt_experiments.integrate.place import placed
 
@@ -21,9 +22,9 @@ def test_all_paths_of_the_rate_are_added_up() -> None:
     for path in product((True, False), repeat=len(short)):
         likely = np.full(2, 0.5)
         for before, at_rate in pairwise(path):
-            likely *= 1.0 - _CHANGE if before == at_rate else _CHANGE
+            likely *= 1.0 - PLACE.rate_change if before == at_rate else PLACE.rate_change
         for at_rate, ratio in zip(path, np.exp(short), strict=True):
-            likely *= ratio if at_rate else 1.0 - _STRAY + _STRAY * ratio
+            likely *= ratio if at_rate else 1.0 - PLACE.stray_share + PLACE.stray_share * ratio
         total += likely
     assert told_short == pytest.approx(np.log(total))
     assert np.isfinite(told).all()

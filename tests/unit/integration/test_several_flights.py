@@ -109,18 +109,6 @@ def test_half_of_the_false_alarms_are_for_either_decision(
     assert [flight.found for flight in one.flights] == [True, False, False]
 
 
-def test_noise_of_several_flights_is_nobody(tmp_path: Path) -> None:
-    chances = []
-    for seed in (60, 62):
-        flown = flights_of(seed, None, [0.0, 0.0])
-        each = alone(flown, tmp_path)
-        chances += [
-            together(flown, each, moves=moves).false_alarm_probability
-            for moves in (False, True)
-        ]
-    assert min(chances) > 0.01
-
-
 def on_disk(flown: Sequence[Rotation], root: Path) -> list[str]:
     """Flight directories with what each recorded of the band."""
     names = []

@@ -9,7 +9,8 @@ from depth import seeds, share
 
 from uavrt.integration.cells import Cells, LikelyGround
 from uavrt.integration.heard_train import HeardTrain, slot_logs, train_pulses
-from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS
+from uavrt.integration.train_place import _EXPONENT_SHARES
+from uavrt.integration.tuning import PLACE
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt_experiments.integrate.flights import PLANE, add_pulses, lawnmower, looked_at, silence
 from uavrt_experiments.integrate.place import placed
@@ -66,7 +67,7 @@ def test_the_place_told_is_the_likeliest_and_not_the_mean_of_a_skewed_belief() -
 
 def test_the_falls_with_distance_are_believed_in_as_by_bearings_and_levels() -> None:
     belief = Propagation()
-    mean = float(_EXPONENT_SHARES @ _EXPONENTS)
+    mean = float(_EXPONENT_SHARES @ PLACE.exponents)
     assert _EXPONENT_SHARES.sum() == pytest.approx(1.0)
     assert mean == pytest.approx(belief.exponent, abs=0.1)
 

@@ -61,8 +61,6 @@ class ClockOffset:
     offset_s: float
     found_by: str
     """``"given"``, ``"poses"`` or ``"powers"``."""
-    clearness: float | None = None
-    """Misfit of the best offset 5 s away over the least one."""
     sigma_s: float | None = None
     """Standard deviation, by leaving out an eighth of the flight at a time; None if the offset
     was given."""
@@ -158,8 +156,7 @@ def estimate_offset(
     fine_cost = np.array([misfit(offset, keep=covered) for offset in fine])
     offset_s, least = float(fine[int(np.nanargmin(fine_cost))]), float(np.nanmin(fine_cost))
     away = cost[np.abs(coarse - offset_s) > _ELSEWHERE_S]
-    clearness = float(np.nanmin(away)) / max(least, 1e-6)
-    if clearness < CLEAR:
+    if float(np.nanmin(away)) / max(least, 1e-6) < CLEAR:
         raise UsageError(
             f"the clock offset is ambiguous: {offset_s:.1f} s is best, but others are "
             "nearly as good",
@@ -177,7 +174,6 @@ def estimate_offset(
     return ClockOffset(
         offset_s=offset_s,
         found_by=found_by,
-        clearness=clearness,
         sigma_s=sigma_s,
         heading_sigma_deg=heading_sigma_deg,
     )

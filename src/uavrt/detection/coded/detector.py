@@ -13,27 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.checks import check_searchable
+from uavrt.detection.coded.burst_reports import BurstReporter, sighting_of
 from uavrt.detection.coded.cells import CLIP, STEP, Cells
 from uavrt.detection.coded.evidence import required_evidence
 from uavrt.detection.coded.folds import Folds, Found
 from uavrt.detection.coded.foreign import Foreign
-from uavrt.detection.coded.identity import DOUBT, Sighting, Sightings
+from uavrt.detection.coded.identity import DOUBT, Sightings
 from uavrt.detection.coded.judging import Burst, OnAir, decide, least_pulses, measure
 from uavrt.detection.coded.limits import FALSE_PER_HOUR, limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
-from uavrt.detection.reporting import report_every_s
 from uavrt.detection.signal.block_order import Intake
 from uavrt.detection.signal.samples import Counters
 from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt.messages import Pulse, SearchReport, Tag
-from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 KEPT_S = 130.0
 """Duration of the cells from which several bursts are summed."""
 _STEP_S = 0.4
 """Duration of the samples gathered before the search continues."""
-_STRONG = 25.0
+_TALL = 25.0
 """Cells above this do not belong to a tag that only several bursts show [noise energies]."""
 _ECHOING, _ECHO_PULSES = 200.0, 5
 """Cells above this energy leave an echo of the filters, for this number of pulse widths."""
@@ -41,8 +41,6 @@ _TRACKED = 1e-6
 """Chance of noise in a cell where a burst of an identified tag is expected."""
 _EXPECTED = 6.0
 """Log odds of an identified tag's burst at its expected time, over other times."""
-_SAME_S = 0.02
-"""Largest difference between start times of the same burst."""
 _LEAST_ENERGY = 0.25
 """Least mean energy of a reported burst's pulses over the noise."""
 
@@ -109,11 +107,12 @@ class CodedDetector:
         )
         self._tracks = Tracks(self.tags)
         self._sightings = Sightings()
-        self._sequence = dict.fromkeys((tag.tag_id for tag in self.tags), 0)
-        self._told: dict[int, list[int]] = {tag.tag_id: [] for tag in self.tags}
-        self._pulses: list[Pulse] = []
-        self._reports: list[SearchReport] = []
-        self._reported_ns = 0
+        self._reporter = BurstReporter(
+            self._tracks,
+            sample_rate_hz=self.sample_rate_hz,
+            center_frequency_hz=self.center_frequency_hz,
+            counters=self.counters,
+        )
         self._start()
 
     def _make_cells(self, window_hz: float) -> Cells:
@@ -184,22 +183,17 @@ class CodedDetector:
                 self._start()
                 self._intake.admit(samples, time_ns, after=0)
             self._go_on(last=False)
-        return self._drain()
+        return self._reporter.drain()
 
     def flush(self) -> list[Pulse]:
         """End the stream: search the rest."""
         self._finish()
         self._start()
-        return self._drain()
+        return self._reporter.drain()
 
     def search_reports(self) -> list[SearchReport]:
-        """Get the search reports since the last call."""
-        reports, self._reports = self._reports, []
-        return reports
-
-    def _drain(self) -> list[Pulse]:
-        found, self._pulses = self._pulses, []
-        return sorted(found, key=lambda pulse: pulse.start_time_ns)
+        """Take the reports of stretches searched since the last call."""
+        return self._reporter.drain_reports()
 
     def _finish(self) -> None:
         buffer, cells = self._intake.buffer, self._cells
@@ -226,7 +220,7 @@ class CodedDetector:
             self._cells.push(buffer.view(first, upto))
             self._search(last=last and upto == end)
         if self._stamps[0]:
-            self._report_search(buffer.time_ns(self._clean))
+            self._reporter.searched(buffer.time_ns(self._clean), self._cells)
 
     def _search(self, *, last: bool) -> None:
         whole = self._cells.end - self._span
@@ -271,23 +265,47 @@ class CodedDetector:
                 last = min(round(middle) + half + 1, whole)
                 if first >= last:
                     continue
-                seed = self._best_seed(book, code, track.row, first, last)
+                seed = _best_seed(cells, book, code, track.row, first, last)
                 rate = self._foreign.per_hour
                 found += measure(cells, book, seed, limits, rate, prior=_EXPECTED)
         return found
 
-    def _best_seed(
-        self, book: CodeBook, code: int, row: int, first: int, last: int
-    ) -> NDArray[np.int32]:
-        cells = self._cells
-        low, high = max(0, row - 1), min(len(cells.recent), row + 2)
-        at = np.arange(first, last) - cells.recent_from
-        columns = at[None, :, None] + book.offsets[code][:, None, :]
-        sums = cells.recent[low:high][:, columns].sum(axis=3)
-        place, stretch, column = np.unravel_index(int(sums.argmax()), sums.shape)
-        seed = np.zeros((1, FIELDS), np.int32)
-        seed[0] = code, low + int(place), int(stretch), first + int(column), 0
-        return seed
+    def _time_ns(self, column: float) -> int:
+        index = column * self._cells.hop
+        at = max(0, bisect.bisect_right(self._stamps[0], index) - 1)
+        ahead_s = (index - self._stamps[0][at]) / self.sample_rate_hz
+        return self._stamps[1][at] + ns_from_s(ahead_s)
+
+    def _column(self, time_ns: int) -> float:
+        at = max(0, bisect.bisect_right(self._stamps[1], time_ns) - 1)
+        ahead_s = (time_ns - self._stamps[1][at]) / NANOSECONDS_PER_SECOND
+        return (self._stamps[0][at] + ahead_s * self.sample_rate_hz) / self._cells.hop
+
+    def _tell_several(self, found: Found) -> None:
+        required = self._required(self._foreign.per_hour)
+        if found.unlisted < required - DOUBT:
+            return
+        over = found.energies.mean(axis=1) - 1.0
+        # Before the tag came and after it went there are none.
+        own = np.flatnonzero(over >= 0.5 * over.mean())
+        heard = np.flatnonzero(over >= _LEAST_ENERGY)
+        for place in heard[(heard >= own[0]) & (heard <= own[-1])].tolist():
+            columns, energies = found.columns[place], found.energies[place]
+            if columns[0] < 0:
+                continue
+            starts_ns = [self._time_ns(float(column)) for column in columns]
+            self._reporter.burst(
+                found.tag,
+                start_ns=starts_ns[0],
+                starts_ns=starts_ns,
+                energies=np.maximum(energies - 1.0, 0.05),
+                offset_hz=float(self._cells.offsets_hz[found.row]),
+                noise=float(self._cells.noise[found.row]),
+                row=found.row,
+                score=found.score,
+                confirmed=found.unlisted >= required and not found.also_possible,
+                others=found.also_possible,
+            )
 
     def _decide(self, sure: int, *, last: bool) -> None:
         """Accept bursts that begin before a column; later ones may still be explained."""
@@ -307,10 +325,21 @@ class CodedDetector:
         for burst in accepted:
             if burst.column < sure:
                 self._on_air.add(burst)
-                new.append(self._sighting(burst))
+                required = 0.0
+                if not burst.prior:
+                    required = self._required(self._foreign.about(burst))
+                new.append(
+                    sighting_of(
+                        *(burst, self._cells),
+                        time_ns=self._time_ns,
+                        width_s=self._width_s,
+                        tags=self._tracks.tags,
+                        required=required,
+                    )
+                )
         now_ns = self._time_ns(sure)
         for sighting, tag, others in self._sightings.name(new, now_ns, last=last):
-            self._tell(
+            self._reporter.burst(
                 tag,
                 start_ns=sighting.start_ns,
                 starts_ns=sighting.starts_ns,
@@ -333,7 +362,7 @@ class CodedDetector:
         cells = self._cells
         recent = cells.recent[:, first - cells.recent_from : upto - cells.recent_from]
         tall = recent.max(axis=0, initial=0.0)
-        for level, reach in ((_STRONG, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
+        for level, reach in ((_TALL, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
             for column in (np.flatnonzero(tall > level) + first).tolist():
                 cells.hide(column - reach, reach + min(reach + 1, upto - column))
         required = self._required(self._foreign.per_hour)
@@ -345,174 +374,15 @@ class CodedDetector:
                 if begin < upto:
                     cells.hide(begin, min(end, upto) - begin)
 
-    def _time_ns(self, column: float) -> int:
-        index = column * self._cells.hop
-        at = max(0, bisect.bisect_right(self._stamps[0], index) - 1)
-        ahead_s = (index - self._stamps[0][at]) / self.sample_rate_hz
-        return self._stamps[1][at] + ns_from_s(ahead_s)
 
-    def _column(self, time_ns: int) -> float:
-        at = max(0, bisect.bisect_right(self._stamps[1], time_ns) - 1)
-        ahead_s = (time_ns - self._stamps[1][at]) / NANOSECONDS_PER_SECOND
-        return (self._stamps[0][at] + ahead_s * self.sample_rate_hz) / self._cells.hop
-
-    def _sighting(self, burst: Burst) -> Sighting:
-        cells, good = self._cells, burst.good
-        tag = burst.book.tags[burst.code]
-        columns = burst.columns[good]
-        offsets = burst.offsets[good] - burst.offsets[0]
-        places = columns + self._beside(burst.row, columns)
-        start = float(np.mean(places - offsets))
-        energies = self._energies(burst.row, start + offsets)
-        offset_hz, gained = self._frequency(burst.row, columns)
-        rate = self._foreign.per_hour if burst.prior else self._foreign.about(burst)
-        alternatives = [self._tracks.tags[tag_id] for tag_id in burst.also_possible]
-        return Sighting(
-            tags=(tag, *alternatives),
-            hit=tuple(burst.hit_by),
-            start_ns=self._time_ns(start),
-            starts_ns=[self._time_ns(place) for place in places.tolist()],
-            heard=np.maximum(energies * gained - 1.0, 0.05),
-            offset_hz=offset_hz,
-            noise=float(cells.noise[burst.row]),
-            row=burst.row,
-            score=burst.score,
-            alone=burst.alone,
-            good=good,
-            unlisted=burst.unlisted,
-            required=0.0 if burst.prior else self._required(rate),
-        )
-
-    def _beside(self, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Offset of the pulses from the columns with their largest cells.
-
-        The matched filter of a rectangular pulse decays linearly on both sides: the amplitudes
-        next to the maximum give the offset.
-        """
-        cells = self._cells
-        at = columns - cells.recent_from
-        reach = max(1, cells.pulse // 3)
-        left = np.sqrt(cells.recent[row, np.maximum(at - reach, 0)])
-        right = np.sqrt(cells.recent[row, np.minimum(at + reach, cells.recent.shape[1] - 1)])
-        top = np.sqrt(np.maximum(cells.recent[row, at], 1e-6))
-        shift: NDArray[np.float64] = 0.5 * cells.pulse * (right - left) / top
-        return shift.clip(-1.0, 1.0)
-
-    def _energies(self, row: int, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        cells = self._cells
-        near = np.rint(places).astype(np.intp)
-        lost = 1.0 - np.abs(places - near) / cells.pulse
-        at = np.clip(near - cells.recent_from, 0, cells.recent.shape[1] - 1)
-        energies: NDArray[np.float64] = cells.recent[row, at] / lost**2
-        return energies
-
-    def _frequency(self, row: int, columns: NDArray[np.intp]) -> tuple[float, float]:
-        """Frequency [Hz from the channel's centre], and the energy lost between rows."""
-        cells = self._cells
-        rows = len(cells.offsets_hz)
-        if rows < 3:
-            return float(cells.offsets_hz[row]), 1.0
-        middle = min(max(row, 1), rows - 2)
-        at = columns - cells.recent_from
-        low, top, high = cells.recent[middle - 1 : middle + 2, at].sum(axis=1).tolist()
-        bend = low - 2.0 * top + high
-        shift = 0.0 if bend >= 0.0 else min(1.0, max(-1.0, 0.5 * (low - high) / bend))
-        spacing_hz = float(cells.offsets_hz[1] - cells.offsets_hz[0])
-        offset_hz = float(cells.offsets_hz[middle]) + shift * spacing_hz
-        away = float(np.sinc((offset_hz - float(cells.offsets_hz[row])) * self._width_s))
-        return offset_hz, 1.0 / max(away**2, 0.5)
-
-    def _tell_several(self, found: Found) -> None:
-        required = self._required(self._foreign.per_hour)
-        if found.unlisted < required - DOUBT:
-            return
-        over = found.energies.mean(axis=1) - 1.0
-        # Before the tag came and after it went there are none.
-        own = np.flatnonzero(over >= 0.5 * over.mean())
-        heard = np.flatnonzero(over >= _LEAST_ENERGY)
-        for place in heard[(heard >= own[0]) & (heard <= own[-1])].tolist():
-            columns, energies = found.columns[place], found.energies[place]
-            if columns[0] < 0:
-                continue
-            starts_ns = [self._time_ns(float(column)) for column in columns]
-            self._tell(
-                found.tag,
-                start_ns=starts_ns[0],
-                starts_ns=starts_ns,
-                energies=np.maximum(energies - 1.0, 0.05),
-                offset_hz=float(self._cells.offsets_hz[found.row]),
-                noise=float(self._cells.noise[found.row]),
-                row=found.row,
-                score=found.score,
-                confirmed=found.unlisted >= required and not found.also_possible,
-                others=found.also_possible,
-            )
-
-    def _tell(
-        self,
-        tag: Tag,
-        *,
-        start_ns: int,
-        starts_ns: list[int],
-        energies: NDArray[np.float64],
-        offset_hz: float,
-        noise: float,
-        row: int,
-        score: float,
-        confirmed: bool,
-        others: tuple[int, ...],
-    ) -> None:
-        reported = self._told[tag.tag_id]
-        if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in reported):
-            return
-        reported.append(start_ns)
-        del reported[:-64]
-        track = self._tracks.hear(tag.tag_id, start_ns, row) if confirmed else None
-        interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
-        error_s = tag.interval_uncertainty_s if track is None else track.error_s
-        self._sequence[tag.tag_id] += 1
-        self.counters.pulses += 1
-        self.counters.groups += 1
-        snr_db = db_from_power(float(energies.mean()))
-        next_ns = start_ns + ns_from_s(interval_s)
-        length_ns = ns_from_s(tag.length_s)
-        self._pulses.append(
-            Pulse(
-                tag_id=tag.tag_id,
-                frequency_hz=self.center_frequency_hz + offset_hz,
-                start_time_ns=start_ns,
-                end_time_ns=start_ns + length_ns,
-                snr_db=snr_db,
-                group_snr_db=snr_db,
-                score=score,
-                group_index=1,
-                group_sequence=self._sequence[tag.tag_id],
-                noise_psd=noise / self.sample_rate_hz,
-                detection_status="confirmed" if confirmed else "detected",
-                confirmed=confirmed,
-                rate=1,
-                predicted_next_start_ns=next_ns - ns_from_s(error_s),
-                predicted_next_end_ns=next_ns + ns_from_s(error_s) + length_ns,
-                also_possible_tag_ids=others,
-                burst_starts_ns=tuple(starts_ns),
-                burst_snrs_db=tuple(db_from_power(float(one)) for one in energies),
-            )
-        )
-
-    def _report_search(self, now_ns: int) -> None:
-        """Report what was searched: each tag once a second; many codes less frequently."""
-        if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self.tags))):
-            return
-        self._reported_ns = now_ns
-        noise = float(np.median(self._cells.noise)) / self.sample_rate_hz
-        self._reports += [
-            SearchReport(
-                tag_id=tag.tag_id,
-                time_ns=now_ns,
-                frequency_hz=tag.frequency_hz,
-                noise_psd=noise,
-                best_score=0.0,
-            )
-            for tag in self.tags
-        ]
-        del self._reports[:-3600]
+def _best_seed(
+    cells: Cells, book: CodeBook, code: int, row: int, first: int, last: int
+) -> NDArray[np.int32]:
+    low, high = max(0, row - 1), min(len(cells.recent), row + 2)
+    at = np.arange(first, last) - cells.recent_from
+    columns = at[None, :, None] + book.offsets[code][:, None, :]
+    sums = cells.recent[low:high][:, columns].sum(axis=3)
+    place, stretch, column = np.unravel_index(int(sums.argmax()), sums.shape)
+    seed = np.zeros((1, FIELDS), np.int32)
+    seed[0] = code, low + int(place), int(stretch), first + int(column), 0
+    return seed

@@ -25,9 +25,9 @@ has few."""
 _COLUMNS_PER_STEP = 2.0
 """Shift of the last burst from one tried interval to the next [columns]."""
 THREE = 3
-_NEARLY = 0.88
+_EXAMINED_SHARE = 0.88
 """Share of the least sum from which a sum is refined."""
-_CERTAIN = 20.0
+_CLEAR_LEAD = 20.0
 """Least lead of a sum over that of another code with the same pulses."""
 _BOX = 2048
 """Range of columns within which due seeds are grouped."""
@@ -163,7 +163,7 @@ class Folds:
             clip=self._clip_of(bursts),
         )
         found = []
-        nearly = _NEARLY * self._least(bursts)[seeds[:, 0]]
+        nearly = _EXAMINED_SHARE * self._least(bursts)[seeds[:, 0]]
         enough = best[:, 0] * STEP >= nearly
         for seed, one in zip(seeds[enough].tolist(), best[enough].tolist(), strict=True):
             off = error * one[1] / max(steps, 1)
@@ -249,7 +249,7 @@ class Folds:
             for place in shared:
                 other = chosen[place]
                 near = one.energies.shape == other.energies.shape and (
-                    one.total > other.total - _CERTAIN
+                    one.total > other.total - _CLEAR_LEAD
                 )
                 if near and one.tag.tag_id not in (other.tag.tag_id, *other.also_possible):
                     chosen[place] = _with_rival(other, one.tag.tag_id)

@@ -23,9 +23,9 @@ _LEAK = 0.35
 """Largest amplitude that may be leakage, relative to the strongest at any frequency."""
 _LOUD = 20.0
 """Least energy for which leakage is considered [noise energies]."""
-_NEARLY = 1.0 - 1e-6
+_ROUNDED = 1.0 - 1e-6
 """Share of the least sum, so that rounding does not decide early."""
-_ALIKE = 0.33
+_LEAST_AMPLITUDE = 0.33
 """Least amplitude of a pulse relative to another in the same burst."""
 _HIT = 0.5
 """Least amplitude at which another signal hides a pulse, relative to the usual one."""
@@ -45,7 +45,7 @@ _FLANK = 0.8
 """Largest amplitude of a flank relative to its pulse; more is a pulse itself."""
 _GUARD_S = 0.5e-3
 """Duration of the filters' ringing beyond a pulse width."""
-_CERTAIN = 10.0
+_CLEAR_LOG = 10.0
 """Log-likelihood by which a code must exceed all that share pulses with it."""
 _MOST_SWAPS = 3
 """Most replacements of codes that explain pulses by others that explain more."""
@@ -302,10 +302,10 @@ def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray
     ordered = -np.sort(-energies.astype(np.float64), axis=1)
     able = np.zeros(len(energies), np.bool_)
     for count, limit in limits.items():
-        able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= _NEARLY * limit
+        able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= _ROUNDED * limit
     # Most seeds are one or two pulses: of as many as must count, these are the most alike.
     least = least_pulses(pulses)
-    able &= ordered[:, least - 1] >= _ALIKE**2 * ordered[:, pulses - least]
+    able &= ordered[:, least - 1] >= _LEAST_AMPLITUDE**2 * ordered[:, pulses - least]
     return able
 
 
@@ -454,7 +454,7 @@ def _greedy(
         if covered.count[i]:
             pulses = len(claim.columns)
             for other in covered.whose(i) if covered.count[i] >= pulses - 1 else ():
-                near = claim.likelihood > other.likelihood - _CERTAIN
+                near = claim.likelihood > other.likelihood - _CLEAR_LOG
                 if near and claim.tag_id not in other.also_possible:
                     other.also_possible.append(claim.tag_id)
             if covered.leaves_nothing_of(i):

@@ -57,7 +57,7 @@ _SAME = 0.12
 _STAYED = 40
 _LEARNT = 40
 """Slots assumed to be known before the first one."""
-_NEARLY = 0.5
+_STEADY_RATIO = 0.5
 _LEAST = 1e-9
 """Least level, since a receiver may be silent."""
 
@@ -98,6 +98,42 @@ class _Levels:
     """(bands, new slots): relative to the common level, where bands differ."""
 
 
+class _LevelRecord:
+    """Levels of the last columns. `keep`: number of columns kept."""
+
+    def __init__(self, band_of: NDArray[np.intp], keep: int) -> None:
+        self._band_of, self._keep = band_of, keep
+        self._stretches: list[_Stretch] = []
+
+    def at(self, row: float, column: float) -> float:
+        """Level at a row and a column (between two: that of the nearer)."""
+        for stretch in reversed(self._stretches):
+            if column >= stretch.first:
+                slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
+                level = float(stretch.common[slot])
+                if stretch.bands is not None:
+                    index = min(max(round(row), 0), len(self._band_of) - 1)
+                    level *= float(stretch.bands[self._band_of[index], slot])
+                return level
+        return 1.0
+
+    def note(
+        self, first: int, common: NDArray[np.float32], bands: NDArray[np.float32] | None
+    ) -> None:
+        """Add the levels of the columns from `first` on."""
+        self._stretches.append(_Stretch(first, common, bands))
+        last = first + SLOT * len(common)
+        while len(self._stretches) > 1 and self._stretches[1].first < last - self._keep:
+            del self._stretches[0]
+
+    def correct(self, measured: NDArray[np.float32], past: int) -> None:
+        """Take what is known by now of slots that might have been a pulse's."""
+        if self._stretches:
+            before = self._stretches[-1].common
+            upto = min(_BESIDE[1], past, len(before))
+            before[len(before) - upto :] = measured[past - upto : past]
+
+
 class Leveller:
     """Tracks the noise level shared by the rows of one search.
 
@@ -116,7 +152,6 @@ class Leveller:
         self._sums[self.band_of, np.arange(rows)] = 1.0 / self._members[self.band_of]
         self._bins = (rows + ROWS_PER_BIN - 1) / ROWS_PER_BIN
         self._steepness = steepness
-        self._keep = keep
         self._circular = circular
         self._now = np.ones(count, np.float32)
         """Newest level of each band."""
@@ -127,8 +162,8 @@ class Leveller:
         # The rows' noise was just learnt from what came before.
         self._past = np.ones((count, _LEARNT), np.float32)
         self._whole = np.ones(_LEARNT, np.float32)
-        """Valid slots of the past: 1 or 0."""
-        self._stretches: list[_Stretch] = []
+        """Which slots of the past count: 1 or 0."""
+        self.record = _LevelRecord(self.band_of, keep)
         self.unsteady = False
         """True while the level changes, or bands differ."""
         self.uneven = False
@@ -137,18 +172,6 @@ class Leveller:
     def rows_now(self) -> NDArray[np.float32]:
         """Level of each row, averaged since its last change, shape (rows,)."""
         return self._usual[self.band_of]
-
-    def at(self, row: float, column: float) -> float:
-        """Level at a row and a column; between two columns, that of the nearer."""
-        for stretch in reversed(self._stretches):
-            if column >= stretch.first:
-                slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
-                level = float(stretch.common[slot])
-                if stretch.bands is not None:
-                    index = min(max(round(row), 0), len(self.band_of) - 1)
-                    level *= float(stretch.bands[self.band_of[index], slot])
-                return level
-        return 1.0
 
     def level(
         self,
@@ -195,7 +218,7 @@ class Leveller:
         level, self._stayed = steady
         self.unsteady = self.uneven = False
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
-        self._note(first, np.full(count, level, np.float32), None)
+        self.record.note(first, np.full(count, level, np.float32), None)
 
     def _level(
         self,
@@ -212,14 +235,10 @@ class Leveller:
             both[:, past:] = self._robust(slots, noise, both, past)
         found = self._follow(both, weights, past)
         measured, common, bands = found.measured, found.divisor, found.bands
-        if self._stretches:
-            # What is known by now of slots that might have been a pulse's.
-            before = self._stretches[-1].common
-            upto = min(_BESIDE[1], past, len(before))
-            before[len(before) - upto :] = measured[past - upto : past]
+        self.record.correct(measured, past)
         self.unsteady, self.uneven = True, bands is not None
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
-        self._note(first, measured[past:].copy(), found.measured_bands)
+        self.record.note(first, measured[past:].copy(), found.measured_bands)
         self._now[:] = measured[-1]
         if found.measured_bands is not None:
             self._now *= found.measured_bands[:, -1]
@@ -236,7 +255,7 @@ class Leveller:
         common = self._common(some).reshape(pieces, _CALM).mean(axis=1)
         bands = some.mean(axis=1)
         least = min(float(common.min()), float(bands.min()))
-        return least > _NEARLY * max(float(common.max()), float(bands.max()))
+        return least > _STEADY_RATIO * max(float(common.max()), float(bands.max()))
 
     def _average(self) -> None:
         """Average the newest level with earlier equal ones."""
@@ -244,14 +263,6 @@ class Leveller:
         if bool((np.abs(self._now - self._usual) > _SAME * self._usual).any()):
             self._stayed = 1
         self._usual = self._usual + (self._now - self._usual) / np.float32(self._stayed)
-
-    def _note(
-        self, first: int, common: NDArray[np.float32], bands: NDArray[np.float32] | None
-    ) -> None:
-        self._stretches.append(_Stretch(first, common, bands))
-        last = first + SLOT * len(common)
-        while len(self._stretches) > 1 and self._stretches[1].first < last - self._keep:
-            del self._stretches[0]
 
     def _common(self, bands: NDArray[np.float32]) -> NDArray[np.float32]:
         """Mean over the bands, weighted by their rows, shape (slots,)."""
@@ -298,7 +309,7 @@ class Leveller:
             return self._follow_by_kernel(both, weights, past)
         common = np.maximum(self._common(both), np.float32(_LEAST))
         weights = weights.copy()
-        doubtful = self._take_out_bursts(common, weights)
+        doubtful = _take_out_bursts(common, weights, self._bins)
         levels = measured = self._levels(both, common, weights, past)
         if doubtful.any():
             weights[doubtful] = 0.0
@@ -350,27 +361,6 @@ class Leveller:
             bands=self._bands(both, weights, begin[past:], end[past:], level[past:]),
         )
 
-    def _take_out_bursts(
-        self, common: NDArray[np.float32], weights: NDArray[np.float32]
-    ) -> NDArray[np.bool_]:
-        """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
-        near, far = _BESIDE
-        width = far - near + 1
-        # Nothing is known of what comes; before the first slot it was as after it.
-        padded = np.pad(common, (0, far), mode="edge")
-        padded = np.pad(padded, (far, 0), mode="reflect")
-        medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
-        before, after = medians[: len(common)], medians[far + near : far + near + len(common)]
-        # Of three slots together weaker pulses are seen, where the rows are many.
-        three = np.convolve(np.pad(common, 1, mode="edge"), np.full(3, 1.0 / 3.0), "valid")
-        burst = min(1.0 + _BURST_SIGMAS * math.sqrt(_VARIANCE / self._bins), _BURST)
-        high = (common > _BURST * before) | (three > burst * before)
-        short = high & ((common > _BURST * after) | (three > burst * after))
-        weights[short] = 0.0
-        doubtful = high.copy()
-        doubtful[:-far] = False
-        return doubtful
-
     def _bands(
         self,
         both: NDArray[np.float32],
@@ -387,6 +377,28 @@ class Leveller:
         ratio = (sums[:, end] - sums[:, begin]) / (n * level)
         levels = _segments(ratio, n, circular=self._circular)
         return levels if bool((levels != levels[0]).any()) else None
+
+
+def _take_out_bursts(
+    common: NDArray[np.float32], weights: NDArray[np.float32], bins: float
+) -> NDArray[np.bool_]:
+    """Give strong pulses no weight; which of the newest slots may yet be such."""
+    near, far = _BESIDE
+    width = far - near + 1
+    # Nothing is known of what comes; before the first slot it was as after it.
+    padded = np.pad(common, (0, far), mode="edge")
+    padded = np.pad(padded, (far, 0), mode="reflect")
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+    before, after = medians[: len(common)], medians[far + near : far + near + len(common)]
+    # Of three slots together weaker pulses are seen, where the rows are many.
+    three = np.convolve(np.pad(common, 1, mode="edge"), np.full(3, 1.0 / 3.0), "valid")
+    burst = min(1.0 + _BURST_SIGMAS * math.sqrt(_VARIANCE / bins), _BURST)
+    high = (common > _BURST * before) | (three > burst * before)
+    short = high & ((common > _BURST * after) | (three > burst * after))
+    weights[short] = 0.0
+    doubtful = high.copy()
+    doubtful[:-far] = False
+    return doubtful
 
 
 def _sums(values: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -456,7 +468,6 @@ def _segments(
     `n` (slots,): number of slots in each mean.
 
     `circular`: the last band is adjacent to the first.
-
     Returns (bands, slots): the mean of each band's segment.
     """
     count, slots = ratio.shape
@@ -576,7 +587,7 @@ def _level_alike(
     for index, leveller in enumerate(levellers):
         if steady[index]:
             own = leveller._keep_steady(both[index], weights[index], float(mean[index]))
-            leveller._note(first[index], np.full(count, own, np.float32), None)
+            leveller.record.note(first[index], np.full(count, own, np.float32), None)
             leveller._average()
             levels[index] = own
     if columns and bool(steady.any()):

@@ -100,7 +100,7 @@ class Refiner:
         if share:
             low += share * (float(noise[below + 1]) - low)
         if self.leveller is not None:
-            low *= self.leveller.at(below + share, self._grid.column(start))
+            low *= self.leveller.record.at(below + share, self._grid.column(start))
         return low
 
     def search(

@@ -34,7 +34,7 @@ noise, most of it at the newest samples; 3 follows a line 1.5 Hz wide."""
 _MOST_STEPS = 10
 _LEFT = 0.02
 """Largest residual power of the carriers, as a share of the noise's."""
-_STRONG = 1e4
+_STRONG_RATIO = 1e4
 """Least power of a strong carrier over the median around it: 25 dB in a bin."""
 _HELD_LOOKS = 40
 """Calls (of up to 0.44 s) for which a carrier is subtracted after it was last found. A line of
@@ -164,7 +164,7 @@ class LineCanceller:
             return
         rest = both[len(both) - count * block :].reshape(count, block)
         many = len(self._ratios) > FEW_LINES
-        degrees = np.where(many & (self._ratios < _STRONG), _DEGREE_OF_MANY, _DEGREE)
+        degrees = np.where(many & (self._ratios < _STRONG_RATIO), _DEGREE_OF_MANY, _DEGREE)
         lines = _Waves(self.frequencies_hz, degrees, self._rate, count, block)
         cleaned = lines.removed(rest).ravel()[-len(samples) :]
         samples[len(samples) - len(cleaned) :] = cleaned

@@ -25,7 +25,8 @@ from uavrt.detection.track.two_rates import log_evidence
 _UNIFORMITY = 0.3
 _FEW_PULSES = 3
 """Number of pulses up to which each must be strong by itself; a weak one counts as missing."""
-_STRONG = 30.0
+_STRONG_POWER = 30.0
+"""Power below which a pulse is not the flank of a stronger one nearby [noise powers]."""
 _OFF_ROW_HZ = 8.0
 _FLANK_RATIO = 2.0
 """Largest power half a pulse earlier or later, or 35 Hz away, relative to a quarter of the
@@ -115,7 +116,7 @@ class Judge:
             if found is None:
                 return None
             strongest = max(found, key=lambda pulse: pulse.power)
-            if strongest.power < _STRONG:
+            if strongest.power < _STRONG_POWER:
                 break
             top_hz, power = self._refiner.strongest(strongest)
             apart = apart_hz(top_hz, strongest.offset_hz, grid.sample_rate_hz)

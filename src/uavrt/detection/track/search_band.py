@@ -42,6 +42,52 @@ _MANY_LINES = 1.025
 which gave 1.6 times the nominal false groups."""
 
 
+class _LostColumns:
+    """Which columns lost samples and impulses have changed."""
+
+    def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
+        self._grid, self._buffer = grid, buffer
+
+    @property
+    def any(self) -> bool:
+        """Whether any samples were lost, or taken out as impulses."""
+        return bool(self._buffer.lost or self._buffer.blanked)
+
+    def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
+        """Get the factor on each column that makes up for lost samples; None: none are lost."""
+        first = np.arange(begin, begin + count) * self._grid.hop
+        return self._buffer.weights(first, self._grid.window)
+
+    def weigh(self, power: NDArray[np.float32], begin: int) -> None:
+        """Scale columns with lost samples to the noise of complete ones, in place."""
+        weights = self._weights(begin, len(power)) if self._buffer.lost else None
+        if weights is not None:
+            power *= weights.astype(np.float32)[:, np.newaxis]
+
+    def whole(self, begin: int, count: int) -> NDArray[np.bool_]:
+        """Which columns from one on are to be used for the noise."""
+        weights = self._weights(begin, count)
+        heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
+        # A window with 7 ms taken out has a third of its noise less: five such in a second
+        # gave 3 % too little, two and a half times the false groups.
+        clean = self._without(self._buffer.lost, begin, count)
+        clean &= self._without(self._buffer.blanked, begin, count)
+        return clean if clean.sum() > _LEAST_CLEAN * heard.sum() else heard
+
+    def _without(
+        self, stretches: list[tuple[int, int]], begin: int, count: int
+    ) -> NDArray[np.bool_]:
+        """Which columns have no sample of any of the stretches, shape (count,)."""
+        grid = self._grid
+        whole = np.ones(count, np.bool_)
+        for low, high in reversed(stretches):
+            end = (high + grid.reach) // grid.hop + 1 - begin
+            if end <= 0:
+                break  # they lie in order of time
+            whole[max(0, (low - grid.window - grid.reach) // grid.hop - begin) : end] = False
+        return whole
+
+
 class SearchBand:
     """The search of one stream in one band.
 
@@ -56,6 +102,7 @@ class SearchBand:
         self._grid = grid
         self._buffer = buffer
         self._batch = round(batch_s * grid.sample_rate_hz)
+        self._lost = _LostColumns(grid, buffer)
         self._spectrogram = Spectrogram(grid)
         self._noise = RowNoise(
             column_s=grid.hop_s * NOISE_STRIDE,
@@ -123,7 +170,7 @@ class SearchBand:
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
         if was_ready and len(power):
-            whole = self._whole_columns(self._column, len(power)) if self._broken else None
+            whole = self._lost.whole(self._column, len(power)) if self._lost.any else None
             self.leveller.level(power.T, self.noise, self._column, whole)
             self._noise.only_rises = self.leveller.uneven
         self._take(power, last=last)
@@ -226,7 +273,7 @@ class SearchBand:
             ends = np.zeros(self._grid.reach + self._grid.window if last else 0, np.complex64)
             stretch = np.concatenate((np.zeros(max(0, -first), np.complex64), stretch, ends))
         power = spectrogram.push(stretch)
-        self._weigh(power, begin)
+        self._lost.weigh(power, begin)
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
@@ -243,17 +290,13 @@ class SearchBand:
                 yield self._columns(spectrogram, at, last=last and at == upto)
 
     @property
-    def _broken(self) -> bool:
-        return bool(self._buffer.lost or self._buffer.blanked)
-
-    @property
     def _knows_noise(self) -> bool:
         return self._noise.ready and self._heard_s >= _YOUNG_NOISE_S
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         whole = power
-        if self._broken:
-            whole = power[self._whole_columns(begin, len(power))]
+        if self._lost.any:
+            whole = power[self._lost.whole(begin, len(power))]
         self._learnt.append(whole[::NOISE_STRIDE].copy())
         known = self._knows_noise
         self._heard_s += len(whole) * self._grid.hop_s
@@ -283,39 +326,6 @@ class SearchBand:
             search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
         self._unsure = error > USUAL_NOISE_ERROR
 
-    def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
-        """Get the factor on each column that compensates lost samples; None: none are lost."""
-        first = np.arange(begin, begin + count) * self._grid.hop
-        return self._buffer.weights(first, self._grid.window)
-
-    def _weigh(self, power: NDArray[np.float32], begin: int) -> None:
-        """Scale columns with lost samples to the noise of complete ones, in place."""
-        weights = self._weights(begin, len(power)) if self._buffer.lost else None
-        if weights is not None:
-            power *= weights.astype(np.float32)[:, np.newaxis]
-
-    def _whole_columns(self, begin: int, count: int) -> NDArray[np.bool_]:
-        weights = self._weights(begin, count)
-        heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
-        # A window with 7 ms taken out has a third of its noise less: five such in a second
-        # gave 3 % too little, two and a half times the false groups.
-        clean = self._without(self._buffer.lost, begin, count)
-        clean &= self._without(self._buffer.blanked, begin, count)
-        return clean if clean.sum() > _LEAST_CLEAN * heard.sum() else heard
-
-    def _without(
-        self, stretches: list[tuple[int, int]], begin: int, count: int
-    ) -> NDArray[np.bool_]:
-        """True for columns without a sample of any of the stretches, shape (count,)."""
-        grid = self._grid
-        whole = np.ones(count, np.bool_)
-        for low, high in reversed(stretches):
-            end = (high + grid.reach) // grid.hop + 1 - begin
-            if end <= 0:
-                break  # they lie in order of time
-            whole[max(0, (low - grid.window - grid.reach) // grid.hop - begin) : end] = False
-        return whole
-
 
 def advance_together(
     bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
@@ -330,14 +340,14 @@ def advance_together(
         workspace,
     )
     for band, columns in zip(bands, power, strict=True):
-        band._weigh(columns.T, band._column)
+        band._lost.weigh(columns.T, band._column)
     level_together(
         [band.leveller for band in bands],
         power,
         [band.noise for band in bands],
         [band._column for band in bands],
         [
-            band._whole_columns(band._column, power.shape[2]) if band._broken else None
+            band._lost.whole(band._column, power.shape[2]) if band._lost.any else None
             for band in bands
         ],
     )
@@ -361,7 +371,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
     count = power.shape[2]
     plain = []
     for index, band in enumerate(bands):
-        if band._knows_noise and not band._broken:
+        if band._knows_noise and not band._lost.any:
             plain.append(index)
         else:
             band._take(power[index].T, last=False)

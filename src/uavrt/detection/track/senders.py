@@ -31,7 +31,7 @@ from uavrt.detection.track.trains import (
 )
 from uavrt.messages import Tag
 
-CERTAIN = math.log(20.0)
+RULED_OUT_LOG = math.log(20.0)
 """Log likelihood ratio at which another tag is ruled out."""
 INTERVAL_DRIFT = 2e-3
 """Relative change of a tag's interval within a flight that its measured value must allow for.
@@ -134,6 +134,44 @@ class _Learnt:
     """Time since which the tag was received with another interval."""
 
 
+class HeardPulses:
+    """Pulses of confirmed trains of the last 40 s; they are no bursts to any tag."""
+
+    def __init__(self) -> None:
+        self._heard: dict[int, tuple[float, float]] = {}
+        """Absolute frequency and power by time [ns]."""
+        self._times_ns = np.zeros(0, np.int64)
+        """Their times; with hundreds of tags they are many, and queried with every pulse."""
+        self._how = np.zeros((0, 2))
+
+    def remember(self, hearers: Iterable[Hearer]) -> None:
+        """Add the pulses of the detectors' confirmed tracks."""
+        for hearer in hearers:
+            for track in hearer.tracks:
+                if not track.confirmed or track.dead:
+                    continue
+                frequency_hz = hearer.absolute_hz(track)
+                for slot in track.slots:
+                    if slot.state in ("accepted", "reported"):
+                        self._heard[slot.time_ns] = frequency_hz, slot.measured.power
+        if self._heard:
+            since_ns = max(self._heard) - _REMEMBERED_NS
+            self._heard = {at: how for at, how in self._heard.items() if at >= since_ns}
+            self._times_ns = np.array(list(self._heard), np.int64)
+            self._how = np.array(list(self._heard.values()))
+
+    def where(
+        self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Get the pulses of confirmed trains of the last 40 s at some frequencies.
+
+        `wanted`: says which of some absolute frequencies are meant.
+        Returns (times_ns, heard): (n,); (n, 2), absolute frequency and power of each.
+        """
+        some = wanted(self._how[:, 0])
+        return self._times_ns[some], self._how[some]
+
+
 class Senders(Generic[H]):
     """Assigns trains to the tags of detectors with overlapping bands.
 
@@ -155,18 +193,13 @@ class Senders(Generic[H]):
         self._picture: list[_Figures] = []
         """Properties by which trains were last assigned, and the result."""
         self._shared: list[_Share] = []
-        self._heard: dict[int, tuple[float, float]] = {}
-        """Pulses of confirmed trains in the last 40 s, by time [ns]: absolute frequency, power.
-        They are not bursts for any tag."""
-        self._heard_ns = np.zeros(0, np.int64)
-        """Their times as an array, since they are read with every pulse."""
-        self._heard_how = np.zeros((0, 2))
+        self.heard = HeardPulses()
 
     def settle(self) -> None:
         """Assign each train to a tag, and let the detectors report their pulses."""
         if not any(hearer.tracks for hearer in self.hearers):
             return
-        self._remember()
+        self.heard.remember(self.hearers)
         trains = put_together(self.hearers)
         # A ghost belongs to no tag, but the detector of the one tag reports it.
         ghosts = [t for t in trains if any(track.ghost_of is not None for _, track in t.tracks)]
@@ -255,32 +288,6 @@ class Senders(Generic[H]):
             if track.confirmed and not track.held:
                 done.add(hearer, track, [t for t in _reported_ns(track) if t not in before])
 
-    def _remember(self) -> None:
-        for hearer in self.hearers:
-            for track in hearer.tracks:
-                if not track.confirmed or track.dead:
-                    continue
-                frequency_hz = hearer.absolute_hz(track)
-                for slot in track.slots:
-                    if slot.state in ("accepted", "reported"):
-                        self._heard[slot.time_ns] = frequency_hz, slot.measured.power
-        if self._heard:
-            since_ns = max(self._heard) - _REMEMBERED_NS
-            self._heard = {at: how for at, how in self._heard.items() if at >= since_ns}
-            self._heard_ns = np.array(list(self._heard), np.int64)
-            self._heard_how = np.array(list(self._heard.values()))
-
-    def heard_where(
-        self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Get the pulses of confirmed trains of the last 40 s at some frequencies.
-
-        `wanted`: selects among absolute frequencies. Returns (times_ns, heard): (n,); (n, 2),
-        absolute frequency and power of each.
-        """
-        some = wanted(self._heard_how[:, 0])
-        return self._heard_ns[some], self._heard_how[some]
-
     def _heard_last(self, trains: list[Train[H]]) -> list[Train[H]]:
         some = sorted(trains, key=lambda train: train.frequency_hz)
         frequencies_hz = [train.frequency_hz for train in some]
@@ -321,7 +328,7 @@ class Senders(Generic[H]):
         possible: list[list[int]] = []
         for at, train in enumerate(trains):
             followers = {h.tag.tag_id: t for h, t in train.tracks if t.confirmed}
-            possible.append([i for i, loss in behind[at].items() if loss <= CERTAIN])
+            possible.append([i for i, loss in behind[at].items() if loss <= RULED_OUT_LOG])
             # The likeliest may not have found it yet; if nothing else can be, it is waited for.
             able.append(
                 {
@@ -365,7 +372,7 @@ class Senders(Generic[H]):
             _give(train, None, ())
             return
         tag_id = min(free, key=lambda i: (-free[i], i))
-        least = free[tag_id] - CERTAIN
+        least = free[tag_id] - RULED_OUT_LOG
         others = [
             h.tag.tag_id
             for h in self._near(train)
@@ -388,7 +395,7 @@ class Senders(Generic[H]):
             value = _normal(train, nominal_s, bound_s)
             if learnt is not None and value > -math.inf:
                 # What was learnt may be wrong, or no longer hold.
-                value -= CERTAIN
+                value -= RULED_OUT_LOG
                 known_s = nominal_s * learnt.scale
                 value = max(value, _normal(train, known_s, learnt.bound * nominal_s))
             best = max(best, value)

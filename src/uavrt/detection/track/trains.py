@@ -26,7 +26,7 @@ _OTHERS_SHARE = 2.0 / 3.0
 """Share of pulses in other trains from which a train is dropped."""
 _LEAST_PULSES = 3
 """Least pulses for this; fewer may be others' by accident."""
-_ALIKE = 1.2
+_SAME_RATIO = 1.2
 """Ratio below which two intervals are the same, measured with different accuracy."""
 
 
@@ -91,7 +91,7 @@ class Train(Generic[H]):
         some = _best_explained(sure)
         shortest_s = min(track.interval_s for _, track in some)
         # One of twice the interval has every second pulse.
-        some = [pair for pair in some if pair[1].interval_s < _ALIKE * shortest_s]
+        some = [pair for pair in some if pair[1].interval_s < _SAME_RATIO * shortest_s]
         hearer, best = min(some, key=lambda pair: (pair[1].variance[2], pair[0].tag.tag_id))
         self.interval_s = best.interval_s
         self.sigma_s = math.sqrt(max(best.variance[2], 0.0))
@@ -235,7 +235,7 @@ def _is_found(track: Track, slot: Slot) -> bool:
 def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
     """Of the tracks in one train, those for which no other interval is far more likely."""
     intervals_s = [track.interval_s for _, track in pairs]
-    if max(intervals_s) < _ALIKE * min(intervals_s):
+    if max(intervals_s) < _SAME_RATIO * min(intervals_s):
         return pairs
     since_ns = max(track.slots[0].time_ns if track.slots else 0 for _, track in pairs)
     upto_ns = (
@@ -265,7 +265,7 @@ def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
     near_ns = 0.75e9 * max(one.tag.pulse_width_s, two.tag.pulse_width_s)
     ones, twos = heard_ns(one), heard_ns(two)
     intervals_s = one.interval_s, two.interval_s
-    if max(intervals_s) > _ALIKE * min(intervals_s):
+    if max(intervals_s) > _SAME_RATIO * min(intervals_s):
         # The slower one's pulses lie further back than the other's slots.
         ones, twos = one.past_ns + ones, two.past_ns + twos
     if ones and twos:

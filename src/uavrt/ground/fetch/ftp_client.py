@@ -373,9 +373,7 @@ async def fetch_file(
             )
         _require_free(part, size - (_size(part) or 0))
 
-    with os_errors_as(
-        RecordingError, f"cannot write {place}", remedy="Give another place with -o"
-    ):
+    with os_errors_as(RecordingError, f"cannot write {place}", "Give another place with -o"):
         await asyncio.to_thread(place.parent.mkdir, parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0

@@ -171,7 +171,6 @@ class Commands:
 
         ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency; ``"undo": true``
         restores the values before the last correction.
-
         Raises `FormatError`: there is no such tag or sender, or nothing to correct. Raises
         `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
         unchanged. Raises `RecordingError`: the list cannot be written; the text says which

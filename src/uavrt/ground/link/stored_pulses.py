@@ -33,7 +33,6 @@ def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
 
     On a full disk they stay in memory until there is room; after a restart, the drone then
     sends some stored pulses again.
-
     Raises `RecordingError`: the directory cannot be read or written.
     """
     path = directory / RECEIVED_NAME

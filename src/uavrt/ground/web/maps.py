@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
 from uavrt.analysis.map_files import MapFile, read_map
-from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError, os_errors_as
 from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.routing import answered
 
@@ -81,20 +81,20 @@ async def store_map(
             remedy="Take letters, digits, spaces and . ( ) - _, then .pmtiles or .mbtiles",
         )
     taken = 0
-    try:
-        # A folder of its own: errors name the file, and two may come at once.
-        with TemporaryDirectory(prefix=".coming-", dir=directory) as coming:
-            part = Path(coming) / name
-            with part.open("wb") as file:
-                async for chunk in chunks:
-                    taken += len(chunk)
-                    if taken > MAX_MAP:
-                        raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
-                    await asyncio.to_thread(file.write, chunk)
-            facts = _facts(await worker.call(read_map, part))
-            part.replace(directory / name)
-    except OSError as error:
-        raise RecordingError(f"{name} cannot be kept: {error.strerror}") from error
+    # A folder of its own: errors name the file, and two may come at once.
+    with (
+        os_errors_as(RecordingError, f"{name} cannot be kept"),
+        TemporaryDirectory(prefix=".coming-", dir=directory) as coming,
+    ):
+        part = Path(coming) / name
+        with part.open("wb") as file:
+            async for chunk in chunks:
+                taken += len(chunk)
+                if taken > MAX_MAP:
+                    raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
+                await asyncio.to_thread(file.write, chunk)
+        facts = _facts(await worker.call(read_map, part))
+        part.replace(directory / name)
     return {"name": name, "fault": None, **facts}
 
 

@@ -50,9 +50,10 @@ def variance_factor(turn: Whitened) -> float:
         return 1.0
     inverse = np.linalg.inv(normal)
     lags = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    decays = {rho: (rho ** np.arange(count))[lags] for rho in (0.0, *_CORRELATIONS)}
     scores, factors = [], []
     for rho, size in [(0.0, 1.0), *((rho, size) for rho in _CORRELATIONS for size in _SIZES)]:
-        law = size * np.outer(part, part) * rho**lags
+        law = size * np.outer(part, part) * decays[rho]
         np.fill_diagonal(law, 1.0 + (size - 1.0) * part**2)
         lower = np.linalg.cholesky(law)
         white = np.linalg.solve(lower, np.column_stack([design, residual]))

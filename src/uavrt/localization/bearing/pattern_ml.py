@@ -156,7 +156,7 @@ def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
     paths_deg = None
-    if fit.double is not None and fit.double.suspected:
+    if fit.double is not None:
         paths_deg = fit.double.bearings_deg
         spread = np.interp(GRID_DEG, np.arange(360.0), fit.double.density, period=360.0)
         density = 0.5 * density + 0.5 * spread / spread.sum()

@@ -29,26 +29,20 @@ _ROUNDING = 1e-9
 """Rounding error of the sum of squares of the levels; smaller residuals are exact fits."""
 LEAST_PULSES = 12
 LEAST_GAIN = 8.0
-"""Least rise of the log-likelihood that counts. Three more parameters and some hundred shapes
-gain less in 99 % of rotations without reflection (experiment B6)."""
+"""Least rise of the log-likelihood over one path, fading's size free in both. Three more
+parameters and some hundred shapes gain less in 99 % of rotations without reflection
+(experiment B6)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TwoPaths:
-    """Comparison of two paths with one for a rotation."""
+    """A wave and its reflection as the source of a rotation's levels."""
 
-    gain: float
-    """Rise of the log-likelihood, fading's size free in both."""
     bearings_deg: tuple[float, float]
     """The best pair, the stronger first; either may be the tag's."""
     density: NDArray[np.float64]
     """(360,) probability of whole degrees; the stronger path is more probably the direct
     one."""
-
-    @property
-    def suspected(self) -> bool:
-        """True if one path alone is improbable."""
-        return self.gain > LEAST_GAIN
 
 
 def two_paths(
@@ -61,7 +55,7 @@ def two_paths(
     fading_db: float,
     folds: int,
 ) -> TwoPaths | None:
-    """Compare two paths with one; None for too few pulses.
+    """Find two paths; None where one path explains the levels, and for too few pulses.
 
     `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
     noise over its median, of heard pulses.
@@ -91,6 +85,8 @@ def two_paths(
     cost = np.maximum(cost, _ROUNDING * squares)
     pulses = len(yaw_deg)
     one, many = cost[0].min(), cost[1:]
+    if 0.5 * pulses * np.log(one / many.min()) <= LEAST_GAIN:
+        return None
     place = np.unravel_index(int(np.argmin(many)), many.shape)
     apart = _PAIRS_DEG[int(place[0]) // len(_WEAKER_SHARE)]
     score = np.exp(-0.5 * pulses * np.log(many / many.min()))
@@ -100,7 +96,6 @@ def two_paths(
     for turn, share in zip(_PAIRS_DEG, weaker, strict=True):
         density += np.roll(share, turn)
     return TwoPaths(
-        gain=float(0.5 * pulses * np.log(one / many.min())),
         bearings_deg=(float(place[1]), float(np.remainder(place[1] + apart, 360))),
         density=density / density.sum(),
     )

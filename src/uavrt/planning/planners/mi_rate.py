@@ -114,11 +114,11 @@ class MiRate:
         weighed = np.flatnonzero(allowed)
         legs, spans_s = chosen_rows(legs, weighed), spans[weighed]
         nats = self._nats(situation, legs)
-        gives = self._worth(situation, nats, spans_s)
+        gives = _worth(situation, nats, spans_s)
         chance = np.array([one.existence_probability for one in wanted])
         rate[weighed] = chance @ gives / spans_s
         if len(wanted) > 1:
-            rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
+            rate[weighed] = _with_round(situation, legs, chance, gives, spans_s)
         goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
         alone = situation.keep_away is None and situation.others is None
         more = 0.0 if alone else _RATING.change_gain
@@ -147,56 +147,6 @@ class MiRate:
             + (f"; other paths were refused: {against}" if against else ""),
             candidates=candidates,
         )
-
-    def _worth(self, situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-        """(tags, ways) share of each tag's needed information that each path gives."""
-        out = np.empty_like(nats)
-        for number, belief in enumerate(situation.wanted):
-            needed = situation.stop.needed_nats(belief)
-            cloud = belief.spread()
-            grown = belief.prior.walking_m_per_root_s**2 * belief.prior.motion[1] * spans_s
-            # A long thin cloud loses more by the walk than a round one of its size.
-            after = (cloud.east_m2 + grown) * (cloud.north_m2 + grown) - cloud.product_m2**2
-            lost = 0.5 * np.log(after / max(cloud.determinant_m4, 1.0))
-            share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
-            out[number] = (
-                np.maximum(share, 0.0) ** _RATING.value_power + _RATING.value_linear * share
-            )
-        return out
-
-    def _with_round(
-        self,
-        situation: Situation,
-        legs: Legs,
-        chance: _Floats,
-        worth: _Floats,
-        spans_s: _Floats,
-    ) -> _Floats:
-        """(ways,) the same over each path and a following round of all tags.
-
-        The round goes to the nearest tag each time, skipping those finished on the path itself.
-        """
-        places = [one.spread() for one in situation.wanted]
-        tags_x = np.array([one.east_m for one in places])
-        tags_y = np.array([one.north_m for one in places])
-        rule, speed = situation.keep_away, situation.vehicle.speed_m_s
-        nearer = 0.0 if rule is None else rule.margin * rule.radius_m
-        left = chance[:, None] * (1.0 - np.clip(worth, 0.0, 1.0))
-        seen = left < _RATING.finished_share
-        x, y = legs.east_m[:, -1], legs.north_m[:, -1]
-        gained, time = chance @ worth, spans_s
-        ways = np.arange(len(spans_s))
-        for _ in places:
-            off = np.hypot(tags_x[:, None] - x, tags_y[:, None] - y)
-            off = np.where(seen, np.inf, off)
-            near = np.argmin(off, axis=0)
-            goes = ~seen[near, ways]
-            there = np.maximum(np.where(goes, off[near, ways], 0.0) - nearer, 0.0) / speed
-            time = time + np.where(goes, there + _RATING.stay_s + _RATING.turn_s, 0.0)
-            gained = gained + np.where(goes, left[near, ways], 0.0)
-            x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
-            seen[near, ways] = True
-        return np.asarray(gained / time)
 
     def _ways(
         self, situation: Situation, *, exploring: bool
@@ -330,6 +280,57 @@ class MiRate:
             hypotheses=_RATING.hypotheses,
             others=others,
         )
+
+
+def _worth(situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
+    """(tags, ways) share of what each tag still needs that each way gives."""
+    out = np.empty_like(nats)
+    for number, belief in enumerate(situation.wanted):
+        needed = situation.stop.needed_nats(belief)
+        cloud = belief.spread()
+        grown = belief.prior.walking_m_per_root_s**2 * belief.prior.motion[1] * spans_s
+        # A long thin cloud loses more by the walk than a round one of its size.
+        after = (cloud.east_m2 + grown) * (cloud.north_m2 + grown) - cloud.product_m2**2
+        lost = 0.5 * np.log(after / max(cloud.determinant_m4, 1.0))
+        share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
+        out[number] = (
+            np.maximum(share, 0.0) ** _RATING.value_power + _RATING.value_linear * share
+        )
+    return out
+
+
+def _with_round(
+    situation: Situation,
+    legs: Legs,
+    chance: _Floats,
+    worth: _Floats,
+    spans_s: _Floats,
+) -> _Floats:
+    """(ways,) worth per second over each way and a round of all tags from its end.
+
+    The round goes to the nearest tag each time, past those that the way itself finishes.
+    """
+    places = [one.spread() for one in situation.wanted]
+    tags_x = np.array([one.east_m for one in places])
+    tags_y = np.array([one.north_m for one in places])
+    rule, speed = situation.keep_away, situation.vehicle.speed_m_s
+    nearer = 0.0 if rule is None else rule.margin * rule.radius_m
+    left = chance[:, None] * (1.0 - np.clip(worth, 0.0, 1.0))
+    seen = left < _RATING.finished_share
+    x, y = legs.east_m[:, -1], legs.north_m[:, -1]
+    gained, time = chance @ worth, spans_s
+    ways = np.arange(len(spans_s))
+    for _ in places:
+        off = np.hypot(tags_x[:, None] - x, tags_y[:, None] - y)
+        off = np.where(seen, np.inf, off)
+        near = np.argmin(off, axis=0)
+        goes = ~seen[near, ways]
+        there = np.maximum(np.where(goes, off[near, ways], 0.0) - nearer, 0.0) / speed
+        time = time + np.where(goes, there + _RATING.stay_s + _RATING.turn_s, 0.0)
+        gained = gained + np.where(goes, left[near, ways], 0.0)
+        x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
+        seen[near, ways] = True
+    return np.asarray(gained / time)
 
 
 def _by_animals(refused: str | None) -> bool:

@@ -36,14 +36,14 @@ The antenna's offset is applied here, once.
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TextIO, get_args
 
 from uavrt.attitude import Quaternion, euler_deg, from_euler_deg, normalised, product
 from uavrt.errors import FormatError
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
 from uavrt.on_earth import is_attitude
-from uavrt.recording.formats.log import PulseLog, RotationMark
+from uavrt.recording.formats.log import PulseLog, RotationMark, heard_pulse
 from uavrt.recording.formats.text import (
     cells_of,
     finite,
@@ -266,24 +266,15 @@ def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
 def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
     offset = layout.offset_deg(cells)
     after = 10 + layout.noise
-    confirmed = whole(cells[after + 1]) != 0
     start_ns = seconds_ns(cells[3])
-    pulse = Pulse(
-        tag_id=whole(cells[1]),
-        frequency_hz=number_or_nan(cells[2]) or math.nan,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns,
-        snr_db=_snr(cells[5]),
+    pulse = replace(
+        _pulse(cells[1:3], start_ns, cells[5], cells[after : after + 2]),
         group_snr_db=_snr(cells[9]),
         score=number_or_nan(cells[6]),
         group_index=whole(cells[8]),
         group_sequence=whole(cells[7]),
         noise_psd=(number_or_nan(cells[10]) or math.nan) if layout.noise else math.nan,
-        detection_status=_status(cells[after], confirmed),
-        confirmed=confirmed,
-        rate=1,
         predicted_next_start_ns=_predicted(cells[4]),
-        predicted_next_end_ns=None,
     )
     attitude = layout.attitude(cells)
     vehicle: Quaternion | None
@@ -301,26 +292,24 @@ def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
     if whole(cells[12]) == 3:
         return None
     start_ns = seconds_ns(cells[6])
-    confirmed = whole(cells[13]) != 0
-    pulse = Pulse(
-        tag_id=whole(cells[3]),
-        frequency_hz=number_or_nan(cells[4]) or math.nan,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns,
-        snr_db=_snr(cells[8]),
-        group_snr_db=_snr(cells[8]),
+    pulse = replace(
+        _pulse(cells[3:5], start_ns, cells[8], cells[12:14]),
         score=number_or_nan(cells[9]),
-        group_index=1,
         group_sequence=whole(cells[5]),
         noise_psd=number_or_nan(cells[11]) or math.nan,
-        detection_status=_status(cells[12], confirmed),
-        confirmed=confirmed,
         rate=max(1, whole(cells[14])),
         predicted_next_start_ns=_predicted(cells[7]),
-        predicted_next_end_ns=None,
     )
     vehicle = _attitude([number_or_nan(cell) for cell in cells[19:22]])
     return PulsePose(pulse=pulse, pose=_pose(cells[16:], start_ns, vehicle, finite(cells[22])))
+
+
+def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -> Pulse:
+    """Pulse of a tag's number and frequency, with its detection and confirmation states."""
+    confirmed = whole(states[1]) != 0
+    frequency_hz = number_or_nan(tag[1]) or math.nan
+    pulse = heard_pulse(whole(tag[0]), frequency_hz, start_ns, start_ns, _snr(snr))
+    return replace(pulse, detection_status=_status(states[0], confirmed), confirmed=confirmed)
 
 
 def _pose(

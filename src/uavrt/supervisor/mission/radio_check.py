@@ -49,7 +49,7 @@ class RadioQuestion:
             os.killpg(self.pid, signal.SIGKILL)
 
     def answer(self) -> tuple[bool, str]:
-        """Wait some seconds for whether the radio is there, with a text."""
+        """Wait some seconds for the result: whether the radio is there, and a text."""
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT_S)
             answer = json.loads(output)

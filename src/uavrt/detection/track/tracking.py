@@ -1,0 +1,231 @@
+"""The tracks of one detector: from candidates to the pulses that are reported."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from uavrt.detection.modes import OperatingMode
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.search.hypotheses import Candidate, RateSearch
+from uavrt.detection.search.refine import Measured, Refiner
+from uavrt.detection.signal.samples import Counters, SampleBuffer
+from uavrt.detection.track.bounds import Bounds
+from uavrt.detection.track.bursts import Bursts
+from uavrt.detection.track.chance import OnAir
+from uavrt.detection.track.following import Follower
+from uavrt.detection.track.judging import Judge, share_a_pulse
+from uavrt.detection.track.reporting import Reporter
+from uavrt.detection.track.search_band import SearchBand
+from uavrt.detection.track.senders import Senders
+from uavrt.detection.track.tracks import Track
+from uavrt.detection.track.unlocked import forget_old, joined
+
+_MAXIMUM_TRACKS = 12
+
+
+class SearchWindow:
+    """The search around one frequency: its band, and what judges and follows in it.
+
+    `batch_s`: longest piece in which samples come [s].
+    """
+
+    def __init__(self, bounds: Bounds, buffer: SampleBuffer, batch_s: float) -> None:
+        self.bounds, self._buffer, self._batch_s = bounds, buffer, batch_s
+        self.grid = grid = make_grid(
+            sample_rate_hz=bounds.sample_rate_hz,
+            pulse_width_s=bounds.tag.pulse_width_s,
+            offset_hz=bounds.home_hz,
+            half_width_hz=bounds.half_width_hz,
+        )
+        self.refiner = refiner = Refiner(grid, buffer)
+        self.judge = Judge(bounds, grid=grid, buffer=buffer, refiner=refiner)
+        self.follower = Follower(bounds, grid=grid, buffer=buffer, refiner=refiner)
+
+    def restart(self) -> None:
+        """Begin, with a new band."""
+        self.band = SearchBand(
+            grid=self.grid, buffer=self._buffer, bounds=self.bounds, batch_s=self._batch_s
+        )
+        self.refiner.leveller = self.band.leveller
+
+
+class Tracking:
+    """The tracks of one tag's detector.
+
+    `window`: where it searches. `reporter`: gets the tracks' pulses.
+    """
+
+    def __init__(
+        self,
+        mode: OperatingMode,
+        window: SearchWindow,
+        buffer: SampleBuffer,
+        reporter: Reporter,
+        *,
+        center_frequency_hz: float,
+        counters: Counters,
+    ) -> None:
+        self._mode, self._window, self._buffer = mode, window, buffer
+        self._reporter, self._counters = reporter, counters
+        self._center_hz = center_frequency_hz
+        self.senders: Senders[Any] | None = None
+        """Which of its tracks are its tag's, decided with the detectors of the same band."""
+        self.restart(window)
+
+    def restart(self, window: SearchWindow, tracks: Sequence[Track] = ()) -> None:
+        """Begin with some tracks."""
+        self._window, self.tracks = window, list(tracks)
+        self._bursts: Bursts | None = None
+        self._knows = False
+        """Whether the band leaves out what known pulses explain."""
+
+    def move(self, window: SearchWindow) -> None:
+        """Go on in another window, with the tracks that lie in it."""
+        self._window = window
+        self.tracks = [t for t in self.tracks if not window.bounds.left_by(t)]
+
+    @property
+    def _now_s(self) -> float:
+        return self._window.follower.seconds(self._window.refiner.upto)
+
+    def conclude(
+        self, results: list[tuple[RateSearch, list[Candidate]]], upto: int, *, floor: float
+    ) -> None:
+        """Take what the band has found: judge, follow and report.
+
+        `upto`: index up to which it was searched. `floor`: mean power of the noise.
+        """
+        window = self._window
+        self._bursts = None
+        for search, found in results:
+            if found:
+                self._consider(found, search, floor)
+        if self._mode is OperatingMode.ALL_NEVER_LOCK:
+            forget_old(self.tracks, self._now_s)
+        elif self.tracks or self._knows:
+            window.follower.follow(
+                self.tracks,
+                upto,
+                self._settle,
+                noise=window.band.noise,
+                floor=floor,
+                around=self._around,
+            )
+            known = window.judge.known(self.tracks)
+            self._knows = known is not None
+            window.band.know(known)
+
+    def _consider(self, found: list[Candidate], search: RateSearch, floor: float) -> None:
+        """Turn candidates into groups; several candidates of the same pulses are one."""
+        window, judge = self._window, self._window.judge
+        taken: list[list[Measured]] = []
+        untracked = self._mode is OperatingMode.ALL_NEVER_LOCK
+        known = None if untracked else judge.known(self.tracks)
+        for candidate in judge.unexplained(found, search, known):
+            if not judge.is_new(candidate, search, taken):
+                continue
+            if not judge.suffices(candidate, search, window.band.noise):
+                continue
+            places = judge.measure(candidate, search, window.band.noise)
+            if places is None:
+                continue
+            group = [pulse for _, pulse in places]
+            if any(share_a_pulse(group, other, window.grid.window) for other in taken):
+                continue
+            taken.append(group)
+            clash = [t for t in self.tracks if judge.overlaps(t, group)]
+            if any(t.confirmed or judge.equals(t, group) for t in clash) and not untracked:
+                continue
+            places, reason = judge.own_pulses(
+                places,
+                search,
+                candidate=candidate,
+                noise=window.band.noise,
+                floor=floor,
+            )
+            if reason is not None:
+                self._counters.reject(reason)
+                continue
+            pulses = [
+                (place, window.follower.seconds(m.start), self._buffer.time_ns(m.start), m)
+                for place, m in places
+            ]
+            if untracked:
+                track = joined(
+                    self.tracks,
+                    pulses,
+                    rate=search.rate,
+                    sample_rate_hz=self._buffer.sample_rate_hz,
+                    around=self._around,
+                )
+                if track is not None:
+                    self._reporter.report(track)
+                if track is not None or clash:
+                    continue  # these are known pulses, at a frequency to which they leak
+            self._begin(pulses, candidate, held=bool(clash))
+
+    def _begin(
+        self,
+        pulses: list[tuple[int, float, int, Measured]],
+        candidate: Candidate,
+        *,
+        held: bool,
+    ) -> None:
+        track = Track(
+            tag=self._window.bounds.tag,
+            rate=candidate.rate,
+            offset_hz=0.0,
+            score=max(1.0, candidate.score),
+        )
+        track.begin(pulses, self._around)
+        track.clashing = held
+        if self.senders is not None:
+            track.held = True  # until they have decided
+        elif self._mode is not OperatingMode.ALL_NEVER_LOCK:
+            track.held = held or self.owner() is not None
+        self._counters.tracks += 1
+        self.tracks.append(track)
+        self._reporter.report(track)
+        if len(self.tracks) > _MAXIMUM_TRACKS:
+            self.tracks.remove(
+                min(
+                    self.tracks,
+                    key=lambda t: (t.confirmed, not t.held, min(t.odds, 0.0), t.score),
+                )
+            )
+
+    def _around(self, track: Track, found: Measured) -> OnAir:
+        if self._bursts is None:
+            known = [
+                (slot.measured.start, slot.measured.offset_hz, math.inf)
+                for t in self.tracks
+                if t.sure
+                for slot in t.slots
+                if slot.state in ("accepted", "reported")
+            ]
+            if self.senders is not None:
+                center_hz = self._center_hz
+                times_ns, how = self.senders.heard.where(
+                    lambda hz: self._window.bounds.on_frequency(hz - center_hz)
+                )
+                offsets_hz = (how[:, 0] - center_hz).tolist()
+                indices = self._buffer.indices(times_ns).tolist()
+                known += zip(indices, offsets_hz, how[:, 1].tolist(), strict=True)
+            self._bursts = self._window.band.bursts(known)
+        return self._bursts.around(track, found)
+
+    def _settle(self) -> None:
+        if self.senders is not None:
+            for track in self.tracks:
+                # Of what has just been confirmed they decide first whose it is.
+                if track.confirmed == track.shared_as_confirmed:
+                    self._reporter.report(track)
+        elif self.tracks:
+            self._reporter.settle(self.tracks, self._window.bounds.home_hz, self._now_s)
+
+    def owner(self) -> Track | None:
+        """The track that is the tag's, if one is confirmed."""
+        if self.senders is None:
+            return self._reporter.owner(self.tracks, self._window.bounds.home_hz, self._now_s)
+        tags = (t for t in self.tracks if t.confirmed and t.ghost_of is None)
+        return next((t for t in tags if not (t.held or t.dead)), None)

@@ -1,0 +1,240 @@
+"""Constants of the judgement of a whole flight, one frozen record for each of its steps.
+
+Figures of noise and of places are measured by `uavrt experiment integrate`.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnergyTuning:
+    """How samples become energies of slots, and what is left out as loud or lost."""
+
+    block_s: float = 30.0
+    """Length measured at once in flight [s]: five stretches of one noise level."""
+    chunk_s: float = 6.0
+    """Length of samples processed at once [s]."""
+    level_s: float = 6.0
+    """Time over which a row's noise is constant [s]."""
+    level_rows: int = 5
+    """Rows whose noise is averaged."""
+    loud_power: float = 20.0
+    """Power over noise that chance reaches once in 5e8 windows."""
+    wide_sigmas: float = 8.0
+    """Energy of a window over the whole channel that shows something loud outside the search
+    [standard deviations]."""
+    crest: float = 3.0
+    """Largest sample of a window over its row's power that is still no impulse. A pulse of N
+    samples has 1/N of its power there, an impulse N times it."""
+    hops_beside: int = 16
+    """Distance from which a window has nothing of a loud one [hops]: two pulses."""
+    slots_beside: int = 4
+    """Extent of a pulse and its jitter on each side of its slot [slots]."""
+    most_gap_s: float = 7200.0
+    """Longest gap between two blocks that is bridged [s]."""
+    most_overlap_s: float = 0.1
+    """Largest overlap of a block with earlier ones that is followed [s]. A crystal that is 100
+    ppm fast gathers it in 17 minutes; a clock set back by more is not followed."""
+    least_step_s: float = 0.0015
+    """Smallest time step that is followed [s]; each costs a window."""
+    dead_s: float = 0.1
+    """Duration of exact zeros that is no noise [s]: a dead radio or a filled gap."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchTuning:
+    """How trains are found over places, intervals, frequencies and drifts, and judged."""
+
+    # Places where a tag may be: bearings, and rings between two radii [m]; time step [s].
+    bearings: int = 72
+    nearest_m: float = 40.0
+    farthest_m: float = 5000.0
+    ranges: int = 14
+    step_s: float = 0.25
+    same_place_correlation: float = 0.97
+    """Correlation of two places' weights above which one is folded for both: 0.13 dB lost."""
+    exponent: float = 2.5
+    """Exponent of the fall with distance; the mean of `level_evidence.Propagation`."""
+    design_enr: float = 2.0
+    """Energy over noise of the strongest pulse for which the weights are designed: 3 dB."""
+    kept_variance: float = 0.995
+    """Share of the weights' variance that the folded patterns keep: 0.01 dB are lost."""
+    few_patterns: int = 8
+    """Number of patterns, as where the drone turns in place, folded for all places at once."""
+    # Variance and correlation for the patterns and places that choose cells to examine in full:
+    # three times fewer of both. A train of 7 standard deviations has 5.6 there at worst.
+    coarse_variance: float = 0.90
+    coarse_correlation: float = 0.85
+    examined_cells: int = 400
+    """Cells examined in full, of tens of thousands that are each the best of a place, frequency
+    and period. In twenty minutes of noise the last has 5.0 to 5.4 standard deviations."""
+    side_by_side: int = 48
+    """Sums folded at once, of frequencies times patterns: 60 MB. With NumPy 0.8 ns an addition
+    on the reference computer; 12 take 1.9 ns each."""
+    moment_slots: int = 16384
+    least_skewness: float = 0.02
+    hypotheses: float = 6.0
+    """Hypotheses for each pattern and cell one correlation length wide in phase and interval,
+    from the least probabilities of noise flights."""
+    burst_hypotheses: float = 2.5
+    """Factor for bursts of a coded tag, each the best of some stretches of its gaps."""
+    lags: tuple[int, ...] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+    """Lags at which the correlation of a row's energies is computed [slots]."""
+    # Trains of loud pulses: share of the false alarms, hypotheses for each cell of marks, least
+    # number of marks, share of the best log probability from which another train may be of the
+    # same marks, and weight for central slots, below that of any mark.
+    loud_share: float = 0.02
+    loud_hypotheses: float = 1.5
+    least_marks: int = 4
+    same_marks_share: float = 0.95
+    middle_weight: float = 0.4
+
+    drift_step_slots: float = 6.0
+    """Shift of the flight's middle between two drifts [slots]. Half as far away, a train found
+    at a better interval and phase is a quarter of it off, less than a double slot. Against 4,
+    0.05 dB are gained."""
+    drift_independent_slots: float = 5.0
+    """Shift between two drifts that count as independent [slots]. Trains differ from 2 on, of
+    which the coarse fold finds some: with 2, 400 flights of noise showed .44 of the nominal
+    1 %, so .93."""
+    drift_patterns: int = 3
+    drift_correlation: float = 0.9
+    drift_cells: int = 120
+    """Number of cells examined in full."""
+
+    # Another train that explains one: log of the factor by which it must be less likely by
+    # chance, and range of its intervals relative to the one found.
+    explains_log: float = 3.0
+    shortest_ratio: float = 0.3
+    longest_ratio: float = 3.2
+    # Ratios of small numbers that count as the same interval, and how nearly.
+    small_number: int = 3
+    same_ratio: float = 0.01
+    # Most other trains, and senders of other codes, removed before a tag counts as not found.
+    most_others: int = 4
+    most_codes: int = 12
+
+    # Several flights: relative difference of the interval between them that is allowed, least
+    # number of cells of the shortest flight's fold in such a stretch, and frequencies by which
+    # a tag may be off its mean in a flight (25 Hz at 20 ms).
+    stretch: float = 2e-4
+    least_cells: float = 2.0
+    rows_beside: int = 1
+    stretch_hypotheses: float = 8.6
+    """Hypotheses in each flight, for each cell of a stretch one correlation length wide, from
+    the least probabilities of noise flights, 1 to 6 at once."""
+    place_hypotheses: float = 1.35
+    """Hypotheses for each pattern in each flight, for a tag that moves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceTuning:
+    """How a train's energies become a place, and how sure it is."""
+
+    # Levels examined, relative to the strongest energies [dB], and parts of a step of 1 dB.
+    levels_db: tuple[float, float] = (-14.0, 9.0)
+    level_parts: int = 8
+    strength_step_db: float = 0.1
+    """Step between two strengths in the table [dB]. At 0.5 dB the pulses of a lane are rounded
+    alike, which alone makes places 20 m apart differ."""
+    most_rounds: int = 4
+    likely_places: int = 100
+    """Number of places by which a flight's share is judged."""
+    # Work done at once: places times pulses, places of several rates, and pairs of cells.
+    block: int = 20_000
+    rates_block: int = 300
+    pair_rows: int = 200
+    flights_sigma_db: float = 3.0
+    """Standard deviation of a tag's level between flights [dB]: posture, receiver, ground."""
+    exponents: tuple[float, ...] = (2.0, 2.5, 3.0, 3.5, 4.0)
+    """Exponents of the fall with distance, from free space to a tag on the ground."""
+    same_range_db: float = 0.3
+    """Range of path lengths below which a place cannot show the exponent [dB]."""
+    least_exponent_share: float = 0.02
+    """Probability of a fall with distance from which regions hold for it."""
+    counted: float = 0.8
+    """Share of the pulses' evidence that counts, because neighbouring pulses share errors of
+    pattern, poses and ground. With all of it regions of 90 % held .85 (I4)."""
+    lasting_db2: float = 4.0
+    """Variance of these errors, times the pulses for which they last [dB²]. Where noise and
+    fading of single pulses are less, it limits their evidence."""
+    noisy_db2: float = 10.0
+    """Variance of a level in noise up to which `counted` holds [dB²]."""
+
+    fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
+    """Fading of single pulses by tilt, bodies and reflections: the usual one, and others that a
+    loud tag's own levels may choose [dB]. With 1 dB for all, tags 10 to 200 m away that fade by
+    2 dB or more were outside their regions."""
+    more_fading_log: float = 10.0
+    """Log evidence needed for more fading than usual."""
+    loud_energy: float = 30.0
+    """Energy of the strongest pulses from which they show fading, and not noise alone."""
+    fading_cells: int = 300
+    """Number of likeliest cells by which fadings are compared."""
+    # Share of pulses without information: blocked, covered, a moved head; as many are there,
+    # but odd by this standard deviation [dB]: half hidden by a body, two at once.
+    outlier_share: float = 0.02
+    odd_fading_db: float = 6.0
+    least_log: float = -30.0
+    loud_factor: float = 6.0
+    """Factor of ln E as which a loud pulse of energy E counts: 18 at the limit, 41 at 30 dB."""
+    windows: tuple[float, float] = (0.8, 0.6)
+    """Parts of a pulse's energy in its two best windows, since start and frequency are between.
+    With all of it in one window, pulses near the noise came out too strong, so that a passed
+    tag seemed farther away than it was."""
+    least_quiet: int = 200
+    """Least number of slots without pulses from which the noise is estimated."""
+
+    # A likely cell is divided in bearing and distance into parts of this number each: the
+    # likeliest ones always, however little they hold, and at most this many cells. Cells are
+    # wide for a loud tag: the likelihood varies within them by more than to the next.
+    parts: int = 3
+    always_divided: int = 60
+    most_divided: int = 300
+    # Parts are divided again if their log likelihoods differ by more, and they are larger [m];
+    # positions of the drone are not better.
+    even_log: float = 2.0
+    finest_m: float = 3.0
+    density_power: int = 8
+    """Power of the belief whose mean is the likeliest place; a normal one has the same mean."""
+    alone: float = 0.9
+    """Probability of a part that makes its middle the place; else it is the middle of all."""
+    points: int = 7
+    """Points along each side of a cell over which its probability is spread."""
+    kept: float = 0.998
+
+    rate_change: float = 1e-3
+    """Probability of a change of rate from one slot to the next."""
+    stray_share: float = 1e-2
+    """Share of slots with a pulse of another rate by chance: two slots of an interval."""
+    log_slots: int = 8
+    """Slots whose product does not overflow: none is likelier in noise by more than e^30."""
+    noise_share: float = 0.05
+    """Share of noise slots whose energy passes for a pulse's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstTuning:
+    """How a burst of a coded tag is recognised in a train."""
+
+    stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
+    """Stretches tried, as parts of the gaps' tolerance: a crystal stretches all gaps alike."""
+    loud_pulses: int = 2
+    """Number of a burst's pulses that must be loud for the burst to count as loud."""
+    most_energy: float = 40.0
+    """Largest contribution of one pulse to recognising the code [noise energies]."""
+    # Chance that equally strong pulses look more unequal, alone and with others near them.
+    unequal_chance: float = 1e-3
+    doubtful_chance: float = 0.1
+    # Scatter of pulses in one burst, and over all, beyond noise, as shares of the mean.
+    burst_scatter: float = 0.25
+    mean_scatter: float = 0.1
+    # Another sender: standard deviations of its sum, and share of the largest sum.
+    sender_sigmas: float = 4.5
+    sender_share: float = 0.15
+    # Margins that belong to a burst [s] and to a pulse [slots].
+    beside_s: float = 0.005
+    slots_beside: int = 4
+
+
+ENERGY, SEARCH, PLACE, BURSTS = EnergyTuning(), SearchTuning(), PlaceTuning(), BurstTuning()
