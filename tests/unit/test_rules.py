@@ -68,8 +68,6 @@ LARGER_CLASSES = {
 }
 """Lines of the classes that exceed the limit: none may grow, and there may be no others."""
 
-LOOKED_AT = (ast.BinOp, ast.ClassDef, ast.Constant, ast.Subscript, ast.ImportFrom)
-
 
 @cache
 def texts() -> dict[str, str]:
