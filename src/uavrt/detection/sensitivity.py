@@ -15,6 +15,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import ncx2
 
 from uavrt.detection.coded.limits import FALSE_PER_HOUR, sum_limit
+from uavrt.detection.search.grid import HOPS_PER_PULSE
 from uavrt.detection.search.hypotheses import CELL_LIMIT, jitter_reach
 from uavrt.detection.search.thresholds import (
     decision_interval_s,
@@ -24,7 +25,6 @@ from uavrt.detection.search.thresholds import (
 )
 from uavrt.messages import Tag
 
-_HOPS_PER_PULSE = 8
 _GAIN_K = np.log(np.array([1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0]))
 _GAIN_DB = np.array([0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05])
 """Gain per pulse from choosing the best of overlapping cells, by K: the difference to the ENR
@@ -43,7 +43,7 @@ def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: flo
     `frequency_window_hz`: half-width of the search around its frequency. `sample_rate_hz`: of
     the channel, whose width limits the search.
     """
-    hop_s = tag.pulse_width_s / _HOPS_PER_PULSE
+    hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
     return threshold(
         k=tag.k,
@@ -83,7 +83,7 @@ def detection_probability(
     limit = group_threshold(
         tag, frequency_window_hz=frequency_window_hz, sample_rate_hz=sample_rate_hz
     )
-    hop_s = tag.pulse_width_s / _HOPS_PER_PULSE
+    hop_s = tag.pulse_width_s / HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s
     others = spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s) - 1.0
     gained_db = float(np.interp(math.log(tag.k), _GAIN_K, _GAIN_DB))

@@ -46,8 +46,7 @@ class Commanded:
     settled: bool = field(init=False, default=False)
     """True once it was at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while it is near its target and may stop legitimately; a pause would be
-    invisible."""
+    """True while it is near its target, where it may stop: a pause would be invisible."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -92,9 +91,8 @@ class Commanded:
 
     def overdue(self, now_s: float, target_age_s: float) -> str | None:
         """Return what should have been reported by now and is missing."""
-        longest_s = SAFETY.obeyed_within_s
-        if isinstance(self.wish, TakeOff):
-            longest_s = SAFETY.takeoff_begins_within_s
+        rises = isinstance(self.wish, TakeOff)
+        longest_s = SAFETY.takeoff_begins_within_s if rises else SAFETY.obeyed_within_s
         if not self.obeyed:
             late = now_s - self.sent_s > longest_s
             return "the command was not seen to be obeyed" if late else None
@@ -156,9 +154,8 @@ class Commanded:
             return None
         waits = isinstance(self.wish, TakeMode) or self._waits(seen)
         before = waits and abs(height - self.start.altitude_amsl_m) < SAFETY.height_error_m
-        wanted = isinstance(self.wish, TakeOff) and (
-            abs(height - self.highest_m) <= self.manners.target_m
-        )
+        rises = isinstance(self.wish, TakeOff)
+        wanted = rises and abs(height - self.highest_m) <= self.manners.target_m
         here = between_m(self.start, seen) < SAFETY.astray_m
         return None if here and (before or wanted) else OTHERS_TARGET
 
@@ -195,10 +192,9 @@ class Commanded:
         left = 0.0 if place is None else between_m(seen, place)
         self.left_m = min(self.left_m, left)
         off = SAFETY.height_error_m
-        lowest, highest = self.lowest_m - off, self.highest_m + off
         if left > self.left_m + self.slack_m:
             return "the drone does not fly to our target"
-        if not lowest <= seen.altitude_amsl_m <= highest:
+        if not self.lowest_m - off <= seen.altitude_amsl_m <= self.highest_m + off:
             return OTHERS_HEIGHT
         free = isinstance(wish, FlyThere) and (
             left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SAFETY.leg_speed_m_s
@@ -223,18 +219,17 @@ class Commanded:
     def _see_climb(self, seen: PositionSeen) -> str | None:
         """Check a climb: straight up without a pause; in `TakeMode` it stays on the ground."""
         altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
+        done_m = SAFETY.takeoff_done_m
         self.top_m = max(self.top_m, altitude)
         self.obeyed |= rises and altitude > self.start.altitude_amsl_m + SAFETY.takeoff_rise_m
         if self.obeyed and rises:
             left = abs(self.highest_m - altitude)
-            part = Left(
-                now=left, soon=left, least=SAFETY.higher_m, tolerance=SAFETY.takeoff_done_m
-            )
+            part = Left(now=left, soon=left, least=SAFETY.higher_m, tolerance=done_m)
             self.progress.see(seen.time_s, part)
         off = SAFETY.height_error_m if rises else SAFETY.takeoff_rise_m
         if between_m(seen, self.start) > SAFETY.astray_m:
             return "the drone does not climb straight up"
-        if not self.top_m - SAFETY.takeoff_done_m <= altitude <= self.highest_m + off:
+        if not self.top_m - done_m <= altitude <= self.highest_m + off:
             return OTHERS_HEIGHT
         return self._see_yaw(seen)
 
@@ -242,16 +237,11 @@ class Commanded:
         """Remaining parts of a motion in the air."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
-            if yaw is None or yaw.turn_deg is None:
-                return ()
-            left = abs(yaw.turn_deg) - yaw.turned_deg
-            least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
-            return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)
+            return _left_of_turn(yaw)
         bearing, left = seen.way_to(wish)
         height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
-        stops = [
-            one * seen.speed_m_s / (2.0 * SAFETY.braking_m_s2) for one in seen.velocity_m_s[:2]
-        ]
+        twice = 2.0 * SAFETY.braking_m_s2
+        stops = [one * seen.speed_m_s / twice for one in seen.velocity_m_s[:2]]
         along = radians(bearing)
         soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
         self.settled |= left <= self.manners.settles_m
@@ -272,3 +262,12 @@ class Commanded:
             needed=asked is not None,
         )
         return place, up, heading
+
+
+def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
+    """Remaining part of a turn in place."""
+    if yaw is None or yaw.turn_deg is None:
+        return ()
+    left = abs(yaw.turn_deg) - yaw.turned_deg
+    least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
+    return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)

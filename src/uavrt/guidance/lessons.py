@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from uavrt.guidance.orders import VehicleNow
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.planning.energy import EnergyModel
 
 
@@ -13,12 +13,12 @@ def energy_of(hover_w: float | None) -> EnergyModel:
     `hover_w`: hover power by the settings; None: unknown.
     """
     if hover_w is None:
-        return EnergyModel(scale_sigma=SEARCH.unknown_sigma)
+        return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
     return EnergyModel(
         hover_w=hover_w,
         cruise_w=1.05 * hover_w,
         climb_j_per_m=0.15 * hover_w,
-        scale_sigma=SEARCH.known_sigma,
+        scale_sigma=SEARCH_RULES.known_sigma,
     )
 
 
@@ -59,18 +59,18 @@ class Lessons:
         self._predicted_wh += self.energy.used_wh(now.time_s - before_s, now.speed_m_s)
         if percent == before:
             return
-        if percent > before + SEARCH.swapped_percent:
+        if percent > before + SEARCH_RULES.swapped_percent:
             self._begun_percent = None
         if self._begun_percent is None:
             self._begun_percent, self._predicted_wh = percent, 0.0
             return
         used_percent = self._begun_percent - percent
-        if used_percent < SEARCH.learns_percent or self._predicted_wh <= 0.0:
+        if used_percent < SEARCH_RULES.learns_percent or self._predicted_wh <= 0.0:
             return
         self.energy = self.energy.learnt(
             self._predicted_wh,
             battery_wh * used_percent / 100.0,
-            sigma_wh=SEARCH.reading_share * battery_wh,
+            sigma_wh=SEARCH_RULES.reading_share * battery_wh,
         )
         self.learnt += 1
         self._begun_percent, self._predicted_wh = percent, 0.0

@@ -11,7 +11,7 @@ from math import atan2, degrees, log10
 
 from uavrt.attitude import rotated
 from uavrt.detection.reporting import report_every_s
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.localization.position.level_belief import Listening
 from uavrt.messages import PulsePose, SearchReport, Tag
 from uavrt.tangent_plane import TangentPlane
@@ -107,7 +107,7 @@ class Ears:
     def place(self, place: Antenna) -> None:
         """Add the antenna's present pose."""
         self._places.append(place)
-        while self._places[0].time_s < place.time_s - SEARCH.kept_s:
+        while self._places[0].time_s < place.time_s - SEARCH_RULES.kept_s:
             self._places.popleft()
 
     def pulse(self, pulse_pose: PulsePose, time_s: float) -> Evidence | None:
@@ -122,7 +122,7 @@ class Ears:
             self.refused += 1
             return None
         self._keys[pulse.key] = None
-        if len(self._keys) > SEARCH.most_keys:
+        if len(self._keys) > SEARCH_RULES.most_keys:
             del self._keys[next(iter(self._keys))]
         ear.pulses += 1
         east, north = self._plane.to_local(pose.latitude_deg, pose.longitude_deg)
@@ -191,8 +191,8 @@ def _ear(tag: Tag, k: int) -> _Ear:
     threshold = threshold_db(k)
     return _Ear(
         slot_s=interval + tag.interval_uncertainty_s + 2.0 * tag.interval_jitter_s,
-        late_s=(k + SEARCH.late_intervals) * interval + SEARCH.late_s,
-        gap_s=SEARCH.report_gap_s,
+        late_s=(k + SEARCH_RULES.late_intervals) * interval + SEARCH_RULES.late_s,
+        gap_s=SEARCH_RULES.report_gap_s,
         threshold_db=threshold,
         least_db=threshold,
     )
@@ -207,8 +207,8 @@ def _coded_ear(tag: Tag, codes: int) -> _Ear:
     (interval,) = tag.pulse_intervals_s
     return _Ear(
         slot_s=interval + tag.interval_uncertainty_s,
-        late_s=interval + SEARCH.late_s,
-        gap_s=SEARCH.report_gap_s + report_every_s(codes) - report_every_s(1),
+        late_s=interval + SEARCH_RULES.late_s,
+        gap_s=SEARCH_RULES.report_gap_s + report_every_s(codes) - report_every_s(1),
         threshold_db=threshold_db(1, coded=True),
         least_db=threshold_db(tag.k, coded=True),
     )

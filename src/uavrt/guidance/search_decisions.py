@@ -9,7 +9,7 @@ from uavrt.guidance.neighbours import SEPARATION, nearest_m, other_drones_of
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.plans import too_windy
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.search_task import SearchTask
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.messages import FoundTag, Neighbour
@@ -106,7 +106,7 @@ class SearchDecisions:
         if reason is None:
             return decision
         return Decision(
-            action=Hold(duration_s=SEARCH.cycle_s), reason=f"{decision.action} {reason}"
+            action=Hold(duration_s=SEARCH_RULES.cycle_s), reason=f"{decision.action} {reason}"
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:

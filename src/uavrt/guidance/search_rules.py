@@ -52,4 +52,4 @@ class SearchRules:
     """Rise of the charge that shows another battery [%]."""
 
 
-SEARCH = SearchRules()
+SEARCH_RULES = SearchRules()

@@ -12,7 +12,7 @@ from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import area_of, check_battery, multirotor_of, reserve_wh
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.trackers import TagPrior
 from uavrt.messages import Tag
@@ -87,17 +87,19 @@ class SearchTask:
                 area=area,
                 stop=HonestStop(radius95_m=order.wish_m),
                 keep_away=KeepAway(
-                    radius_m=away, probability=SEARCH.kept_away, margin=SEARCH.away_margin
+                    radius_m=away,
+                    probability=SEARCH_RULES.kept_away,
+                    margin=SEARCH_RULES.away_margin,
                 )
                 if away > 0.0
                 else None,
                 energy=energy_of(limits.hover_w),
                 worst_wind_m_s=limits.wind_m_s,
                 return_height_m=limits.return_height_m,
-                cycle_s=SEARCH.cycle_s,
+                cycle_s=SEARCH_RULES.cycle_s,
                 pulse_s=float(np.mean([max(tag.pulse_intervals_s) for tag in self.tags])),
                 threshold_db=10.0,
-                tag_height_m=SEARCH.tag_height_m,
+                tag_height_m=SEARCH_RULES.tag_height_m,
             ),
             self._beliefs(area.search),
             self._planner(),
@@ -105,7 +107,7 @@ class SearchTask:
         )
 
     def _beliefs(self, area: Polygon) -> Beliefs:
-        few = len(self.tags) <= SEARCH.few_tags
+        few = len(self.tags) <= SEARCH_RULES.few_tags
         hills, box = self.equipment.hills, area.box
         if hills is not None:
             hills = hills.at(float(np.median([tag.frequency_hz for tag in self.tags])))
@@ -121,7 +123,7 @@ class SearchTask:
                         known.get(tag.tag_id, usual), area=box, pattern=pattern, hills=hills
                     ),
                     np.random.default_rng((self.equipment.seed, 2, tag.tag_id)),
-                    particles=SEARCH.particles if few else SEARCH.fewer_particles,
+                    particles=SEARCH_RULES.particles if few else SEARCH_RULES.fewer_particles,
                 )
                 for tag in self.tags
             )
@@ -133,7 +135,7 @@ class SearchTask:
             return planner_named(self.equipment.planner)
         turning = self.turn_s
         if self.manners.yaw_in_reposition:
-            turning += SEARCH.turn_step_s * self.limits.headings
+            turning += SEARCH_RULES.turn_step_s * self.limits.headings
         return MiRate(rotation_s=turning)
 
     @property
@@ -188,7 +190,9 @@ def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, 
             "the search has no area", remedy="Give an outline, or a radius of 10 m or more"
         )
     east, north = plane.to_local(now.latitude_deg, now.longitude_deg)
-    angles = [2.0 * pi * n / SEARCH.circle_corners for n in range(SEARCH.circle_corners)]
+    angles = [
+        2.0 * pi * n / SEARCH_RULES.circle_corners for n in range(SEARCH_RULES.circle_corners)
+    ]
     latitude, longitude = plane.to_geodetic(
         [float(east) + radius * sin(a) for a in angles],
         [float(north) + radius * cos(a) for a in angles],

@@ -20,7 +20,7 @@ from uavrt.guidance.plans import (
 )
 from uavrt.guidance.search_decisions import SearchDecisions, goal_of
 from uavrt.guidance.search_notes import SearchNotes
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.search_task import Equipment, SearchTask
 from uavrt.messages import FoundTag, Neighbour, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
@@ -79,7 +79,7 @@ class Seeker:
         self.check(now)
         self._ears = Ears(
             *(task.tags, task.plane),
-            tag_height_m=SEARCH.tag_height_m,
+            tag_height_m=SEARCH_RULES.tag_height_m,
             k=equipment.k,
             codes=sum(tag.coded for tag in listed),
         )
@@ -232,7 +232,10 @@ class Seeker:
     def _approached(self, state: VehicleState) -> bool:
         """True if an animal has probably come closer since the stay began."""
         near = self._search.near(state)
-        return near > 1.0 - SEARCH.kept_away and near > SEARCH.approached * self._course.near
+        return (
+            near > 1.0 - SEARCH_RULES.kept_away
+            and near > SEARCH_RULES.approached * self._course.near
+        )
 
     def _steps(self, action: Action, now: VehicleNow, stand: Place) -> tuple[Step, ...]:
         """Steps of the pilot for an action, beginning with a stop if needed."""
@@ -275,4 +278,4 @@ class Seeker:
 def _is_same(goal: tuple[float, float] | None, before: tuple[float, float] | None) -> bool:
     if goal is None or before is None:
         return False
-    return hypot(goal[0] - before[0], goal[1] - before[1]) < SEARCH.same_goal_m
+    return hypot(goal[0] - before[0], goal[1] - before[1]) < SEARCH_RULES.same_goal_m

@@ -27,7 +27,7 @@ from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.reports import now_of
 from uavrt.guidance.safety import SAFETY
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.search_task import Equipment
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.shared_search import SharedSearch
@@ -106,7 +106,7 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
     elevation = open_elevation(Path(settings.terrain))
     return HillLosses(
-        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=SEARCH.tag_height_m
+        elevation, latitude_deg=home[0], longitude_deg=home[1], tag_m=SEARCH_RULES.tag_height_m
     )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from uavrt.guidance.orders import VehicleNow
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.log import get_logger
 from uavrt.messages import Neighbour, PulsePose, SearchNote, SearchReport
@@ -78,13 +78,13 @@ class Thinker:
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
         """True if no request is open and the last is long enough ago."""
-        due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else SEARCH.cycle_s))
+        due_s = max(self._again_s, self._asked_s + (LEAST_S if idle else SEARCH_RULES.cycle_s))
         return not self._thinking and now.time_s >= due_s
 
     def withdraw(self, now: VehicleNow) -> None:
         """Report that the last choice is not flown; a new one follows soon."""
         self._put(self._seeker.withdraw)
-        self._asked_s, self._again_s = now.time_s - SEARCH.cycle_s, now.time_s + AGAIN_S
+        self._asked_s, self._again_s = now.time_s - SEARCH_RULES.cycle_s, now.time_s + AGAIN_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
         """Request the summary, which comes as the last result."""

@@ -8,7 +8,7 @@ from searched import Animal, Searched
 from until import until
 
 from uavrt.guidance.orders import VehicleNow
-from uavrt.guidance.search_rules import SEARCH
+from uavrt.guidance.search_rules import SEARCH_RULES
 from uavrt.guidance.seeker import Choice
 from uavrt.messages import SearchNote
 from uavrt.processes.thinker import Failed, Thinker
@@ -55,9 +55,10 @@ def test_decisions_under_way_are_a_cycle_apart() -> None:
     slow: Any = Slow()
     slow.go.set()
     thinker = Thinker(slow)
-    for time_s in (100.0, 100.0 + 0.9 * SEARCH.cycle_s, 100.0 + 1.1 * SEARCH.cycle_s):
+    early_s, late_s = (100.0 + share * SEARCH_RULES.cycle_s for share in (0.9, 1.1))
+    for time_s in (100.0, early_s, late_s):
         thinker.ask(0, now_at(time_s), idle=False)
-        if time_s != 100.0 + 0.9 * SEARCH.cycle_s:
+        if time_s != early_s:
             until(thinker.thoughts)
     assert slow.asked == 2
 

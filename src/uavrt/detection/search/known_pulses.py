@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.refine import Measured
 
-_SAME_BINS = 1.5
-_LEAK_SHARE = 0.2
+SAME_BINS = 1.5
+"""Distance of two frequencies below which a known pulse explains any other [bins]."""
+LEAK_SHARE = 0.2
 """Least share of a candidate's strength that a known pulse's leakage must have to explain
 it."""
 
@@ -54,5 +55,5 @@ class KnownPulses:
         away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
         apart = np.abs(away_hz) / bin_hz
         leak = power / np.maximum(1.0, math.pi * apart / 2.0) ** 2
-        meet &= (apart < _SAME_BINS) | (leak > _LEAK_SHARE * strength[:, np.newaxis])
+        meet &= (apart < SAME_BINS) | (leak > LEAK_SHARE * strength[:, np.newaxis])
         return np.asarray(meet.any(axis=1))

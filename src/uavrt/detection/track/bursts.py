@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import ROWS_PER_BIN, Grid
+from uavrt.detection.search.known_pulses import LEAK_SHARE, SAME_BINS
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.search.thresholds import LEAST_POWER, effective_hypotheses
 from uavrt.detection.track.chance import QUIET, OnAir
@@ -37,9 +38,6 @@ _PAIR_S = 0.012
 """Tolerance for two bursts an interval apart, as in a periodic frame [s]."""
 _LEAST_PHASES = 3
 """Least number of the interval's phases with such pairs; fewer are another tag's."""
-_SAME_BINS = 1.5
-_LEAK_SHARE = 0.2
-"""Least share of a burst's power that a known pulse's leakage must have to explain it."""
 Known = tuple[float, float, float]
 """A known pulse: first sample, offset [Hz] and power."""
 _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
@@ -230,7 +228,7 @@ class Bursts:
             away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
             apart = np.abs(away_hz) * grid.window / grid.sample_rate_hz
             leak = strength[place] / np.maximum(1.0, math.pi * apart / 2.0) ** 2
-            new[some] &= (apart > _SAME_BINS) & (leak < _LEAK_SHARE * power[some])
+            new[some] &= (apart > SAME_BINS) & (leak < LEAK_SHARE * power[some])
         return cells if new.all() else (time_s[new], row[new], power[new])
 
     def _gather(
