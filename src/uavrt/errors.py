@@ -156,20 +156,6 @@ class StoreError(RecordingError):
 
 
 @contextmanager
-def os_errors_as(
-    kind: type[UavrtError], what: object, remedy: str | None = None
-) -> Iterator[None]:
-    """Context that raises the system's errors on files and sockets as `kind`.
-
-    `what`: what cannot be done, to begin the message with; the system's reason follows.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise kind(f"{what}: {error.strerror or error}", remedy=remedy) from error
-
-
-@contextmanager
 def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]:
     """Context that imports packages of an extra; raises `UsageError` if one is missing.
 

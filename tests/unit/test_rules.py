@@ -62,7 +62,7 @@ LARGER_CLASSES = {
     "CodedDetector": 329,
     "Participant": 322,
     "PulseDetector": 317,
-    "LossFinder": 314,
+    "LossFinder": 330,
     "Recorder": 308,
     "SurveyEvidence": 271,
     "TimeKeeper": 262,

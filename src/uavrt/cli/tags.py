@@ -224,7 +224,7 @@ def _databases(path: Path) -> dict[str, str]:
         with os_errors_as(
             ConfigError,
             f"cannot read {one}",
-            remedy="TagTracker keeps TagInfo.db and TagManufacturer.db together",
+            "TagTracker keeps TagInfo.db and TagManufacturer.db together",
         ):
             files[one.name] = read_file(one, TAGS).decode("utf-8-sig", "replace")
     return files

@@ -261,7 +261,7 @@ def _take_keys(version: Path, place: Installation) -> None:
 
 def restart_by(command: Sequence[str]) -> None:
     """Restart the service; raises `UavrtError` when that is not possible."""
-    with os_errors_as(UavrtError, command[0]):
+    with os_errors_as(UavrtError, f"{command[0]}"):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise UavrtError(f"{' '.join(command)} failed: {done.stderr.strip()}")

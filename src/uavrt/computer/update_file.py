@@ -285,7 +285,7 @@ def _trusted(keys: Path) -> list[str]:
     with os_errors_as(
         UsageError,
         f"no accepted keys: {keys}",
-        remedy=f"Put the public key of the updates' maker there: sudo cp KEY.pem {keys}",
+        f"Put the public key of the updates' maker there: sudo cp KEY.pem {keys}",
     ):
         trusted = split_keys(read_file(keys, KEYS).decode("ascii", "replace"))
         mode = stat.S_IMODE(keys.stat().st_mode)

@@ -141,5 +141,5 @@ def version_of(environment: Path) -> str:
 
 
 def _target(link: Path, prefix: Path) -> Path:
-    with os_errors_as(UsageError, str(link), remedy="Run deploy/install.sh"):
+    with os_errors_as(UsageError, f"{link}", "Run deploy/install.sh"):
         return prefix / link.readlink()

@@ -37,7 +37,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
     with os_errors_as(
         ConfigError,
         f"cannot read the settings {name}",
-        remedy="Check the name; without --config the defaults apply",
+        "Check the name; without --config the defaults apply",
     ):
         content = read_file(path, SETTINGS)
     return parse_settings(content, name=name)
@@ -148,7 +148,7 @@ def write_default_settings(path: str | os.PathLike[str]) -> None:
     with os_errors_as(
         ConfigError,
         f"cannot write {target}",
-        remedy="Choose a directory that exists and can be written",
+        "Choose a directory that exists and can be written",
     ):
         write_atomically(target, default_settings_text())
 

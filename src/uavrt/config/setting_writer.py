@@ -38,7 +38,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
     with os_errors_as(
         ConfigError,
         f"cannot write the settings {target}",
-        remedy="See whether the card is full or read-only: uavrt doctor",
+        "See whether the card is full or read-only: uavrt doctor",
     ):
         mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o644
         write_atomically(target, text, mode=mode)

@@ -76,6 +76,6 @@ def require_free_port(port: int | None) -> None:
         with os_errors_as(
             UsageError,
             f"the page cannot be served at port {port}",
-            remedy="Give another --port, or leave it out for any free one",
+            "Give another --port, or leave it out for any free one",
         ):
             sock.bind(("127.0.0.1", port))

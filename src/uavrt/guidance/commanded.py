@@ -46,7 +46,7 @@ class Commanded:
     settled: bool = field(init=False, default=False)
     """True once it was at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while it is near its target, where it may stop: a pause would be invisible."""
+    """True while it may stop near its target, where a pause would be invisible."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -237,11 +237,7 @@ class Commanded:
         """Remaining parts of a motion in the air."""
         wish, yaw = self.wish, self.yaw
         if not isinstance(wish, FlyThere):
-            if yaw is None or yaw.turn_deg is None:
-                return ()
-            left = abs(yaw.turn_deg) - yaw.turned_deg
-            least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
-            return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)
+            return _left_of_turn(yaw)
         bearing, left = seen.way_to(wish)
         height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
         twice = 2.0 * SAFETY.braking_m_s2
@@ -266,3 +262,12 @@ class Commanded:
             needed=asked is not None,
         )
         return place, up, heading
+
+
+def _left_of_turn(yaw: YawWatch | None) -> tuple[Left, ...]:
+    """Remaining part of a turn in place."""
+    if yaw is None or yaw.turn_deg is None:
+        return ()
+    left = abs(yaw.turn_deg) - yaw.turned_deg
+    least = min(SAFETY.turned_deg, 1.5 * yaw.rate_deg_s)
+    return (Left(now=left, soon=left, least=least, tolerance=SAFETY.at_yaw_deg),)

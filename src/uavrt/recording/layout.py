@@ -112,7 +112,7 @@ class FlightLayout:
         with os_errors_as(
             RecordingError,
             f"cannot make the flight directory {self.root}",
-            remedy="Free space, or set [recording] directory to a writable place",
+            "Free space, or set [recording] directory to a writable place",
         ):
             for directory in directories:
                 directory.mkdir(parents=True, exist_ok=True)
@@ -138,7 +138,7 @@ def require_writable(directory: Path) -> None:
     with os_errors_as(
         RecordingError,
         f"flights cannot be saved in {directory}",
-        remedy="Set recording.directory, or --flight-dir, to a writable place",
+        "Set recording.directory, or --flight-dir, to a writable place",
     ):
         directory.mkdir(parents=True, exist_ok=True)
         probe = directory / ".writable"

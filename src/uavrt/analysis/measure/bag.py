@@ -91,7 +91,7 @@ def export_bag(
     with os_errors_as(
         UsageError,
         f"cannot make {target}",
-        remedy="Name a directory that does not exist yet, in a place where you can write",
+        "Name a directory that does not exist yet, in a place where you can write",
     ):
         target.mkdir(parents=True)
     file = target / f"{target.name}_0.mcap"

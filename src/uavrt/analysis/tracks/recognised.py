@@ -18,7 +18,7 @@ def read_track(path: Path) -> VehicleTrack:
     Raises `FormatError`: it is none, or has no attitude or no place.
     Raises `UsageError`: a package that it needs is not installed.
     """
-    with os_errors_as(FormatError, f"cannot read {path}", remedy="Check the name"):
+    with os_errors_as(FormatError, f"cannot read {path}", "Check the name"):
         require_plain_file(path)
         with path.open("rb") as file:
             head = file.read(4096)

@@ -377,7 +377,7 @@ def _mark(star: Path, starred: bool) -> None:
     with os_errors_as(
         RecordingError,
         f"cannot change {star}",
-        remedy="Check who owns the flight's directory, and what is in it",
+        "Check who owns the flight's directory, and what is in it",
     ):
         if starred:
             star.touch()

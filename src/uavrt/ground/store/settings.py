@@ -118,7 +118,7 @@ class GroundStore:
         with os_errors_as(
             ConfigError,
             f"cannot store flights in {directory}",
-            remedy="Give a writable directory with -o",
+            "Give a writable directory with -o",
         ):
             self.own.mkdir(parents=True, exist_ok=True)
             (directory / "maps").mkdir(exist_ok=True)
@@ -291,7 +291,7 @@ class GroundStore:
         with os_errors_as(
             ConfigError,
             f"cannot write {path}",
-            remedy="Free space on the disk, or give a writable directory with -o",
+            "Free space on the disk, or give a writable directory with -o",
         ):
             write_atomically(path, text)
 
