@@ -169,3 +169,14 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
             f"{what} needs a package that is not installed ({error.name or error})",
             remedy=f"Run: pip install 'uavrt[{extra}]'{otherwise}",
         ) from error
+
+
+@contextmanager
+def os_errors_as(
+    kind: type[UavrtError], failed: object, remedy: str | None = None
+) -> Iterator[None]:
+    """Context that raises its `OSError` as `kind`: what failed, the system's reason."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{failed}: {error.strerror or error}", remedy=remedy) from error

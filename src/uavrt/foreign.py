@@ -133,7 +133,7 @@ def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) ->
 def open_zip(path: Path, limit: Limit) -> "ZipFile":
     """Open a zip file; its members are stored or deflated.
 
-    Raises `OSError`, or `ValueError` if it is no zip file or beyond the limit; also what
+    Raises `OSError`, or `ValueError` if it is not a zip file or beyond the limit; also what
     `zipfile` raises.
     """
     from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
@@ -150,7 +150,7 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
     ]
     most = _ZIP_ENTRY_BYTES * limit.values
     if not directories or max(directories) > most or b"PK\x06\x07" in end:
-        raise ValueError("it is no zip file, cut off, or holds too many files")
+        raise ValueError("it is not a zip file, is cut off, or holds too many files")
     archive = ZipFile(path)
     if any(one.compress_type not in (ZIP_STORED, ZIP_DEFLATED) for one in archive.infolist()):
         archive.close()

@@ -142,7 +142,7 @@ def place_in(fields: list[str] | tuple[str, ...]) -> tuple[float, float]:
 def _degrees(text: str, most: float) -> float:
     found = _PLACE.fullmatch(text)
     if found is None:
-        raise ValueError(f"{text[:20]!r} is no angle")
+        raise ValueError(f"{text[:20]!r} is not an angle")
     value = int(found[1]) + float(found[2]) / 60.0
     if value > most:
         raise ValueError(f"{value:g} degrees")

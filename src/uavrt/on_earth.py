@@ -17,7 +17,7 @@ class OffEarthError(ValueError):
 
 
 def latitude_on_earth(value_deg: float) -> float:
-    """Pass a latitude [deg]; raises `OffEarthError` beyond a pole, or if it is no number."""
+    """Pass a latitude [deg]; raises `OffEarthError` beyond a pole, or if it is not a number."""
     if not abs(value_deg) <= 90.0:
         raise OffEarthError(f"{value_deg:.12g} is not a latitude", remedy=_remedy(value_deg))
     return value_deg

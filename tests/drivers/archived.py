@@ -8,6 +8,7 @@ import made
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import Pose, Tag
 from uavrt.tangent_plane import TangentPlane
@@ -24,6 +25,22 @@ _PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 _LEG_S, _APART_M, _TAG_M = 45.0, 250.0, (180.0, 420.0)
 _GAIN_DB = PATTERNS["RA-23K"].e_plane_db
 _Floats = NDArray[np.float64]
+
+
+def flight_task(place: Path, *steps: str, tags: tuple[Tag, ...] = ()) -> FlightTask:
+    """Make a batch's work on a flight, without recordings that were searched."""
+    return FlightTask(
+        path=str(place),
+        flight=place.name,
+        key="",
+        is_flight=True,
+        searched=(),
+        tags=tags,
+        track=None,
+        clock_offset_s=None,
+        steps=steps,
+        settings=PlacingSettings(),
+    )
 
 
 def record(

@@ -217,24 +217,8 @@ def snr_db(animal: Animal, vehicle: FlyingVehicle) -> float:
 
 def pulse(tag: Tag, time_ns: int, snr_db: float, **changes: Any) -> Pulse:
     """A confirmed one."""
-    values: dict[str, Any] = {
-        "tag_id": tag.tag_id,
-        "frequency_hz": tag.frequency_hz,
-        "start_time_ns": time_ns,
-        "end_time_ns": time_ns + 20_000_000,
-        "snr_db": snr_db,
-        "group_snr_db": snr_db,
-        "score": 2.0,
-        "group_index": 1,
-        "group_sequence": 1,
-        "noise_psd": 1e-9,
-        "detection_status": "confirmed",
-        "confirmed": True,
-        "rate": 1,
-        "predicted_next_start_ns": None,
-        "predicted_next_end_ns": None,
-    }
-    return Pulse(**(values | changes))
+    own = {"tag_id": tag.tag_id, "frequency_hz": tag.frequency_hz, "noise_psd": 1e-9}
+    return made.pulse(time_ns, snr_db=snr_db, **(own | changes))
 
 
 def report(tag_id: int, time_ns: int) -> SearchReport:

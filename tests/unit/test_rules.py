@@ -37,8 +37,8 @@ TYPED = (
 """Packages in which a record is a dataclass."""
 
 NUMBERS = {
-    "detection": 439,
-    "localization": 229,
+    "detection": 443,
+    "localization": 227,
     "integration": 3,
     "planning": 22,
     "guidance": 20,
@@ -48,24 +48,23 @@ AMBIGUOUS = 41
 """Most names that stand for different numbers in them; fewer is better."""
 PROTOCOL = ("guidance/mission.py", "guidance/plan_file.py")
 """Modules whose numbers are those of MAVLink and of QGroundControl's plans."""
-
 LINES_OF_A_CLASS = 250
 LARGER_CLASSES = {
-    "Track": 400,
-    "Refiner": 358,
-    "FileServer": 358,
-    "Component": 355,
-    "Supervisor": 354,
+    "Track": 398,
+    "FileServer": 355,
+    "Refiner": 354,
+    "Component": 352,
     "FakeAutopilot": 348,
-    "Guide": 333,
+    "Supervisor": 347,
+    "Guide": 332,
     "Fleet": 331,
-    "CodedDetector": 329,
-    "Participant": 322,
-    "PulseDetector": 317,
     "LossFinder": 330,
+    "CodedDetector": 328,
+    "Participant": 319,
+    "PulseDetector": 317,
     "Recorder": 308,
     "SurveyEvidence": 271,
-    "TimeKeeper": 262,
+    "TimeKeeper": 261,
 }
 """Lines of the classes that exceed the limit: none may grow, and there may be no others."""
 
@@ -93,18 +92,11 @@ def nodes(pattern: str) -> Iterator[tuple[str, ast.AST]]:
 
 
 def test_no_class_grows_beyond_what_one_reads_in_a_sitting() -> None:
-    long = {
-        path: text
-        for path in SOURCE.rglob("*.py")
-        if (text := path.read_text()).count("\n") >= LINES_OF_A_CLASS
-    }
     grown = [
-        f"{path}: {node.name}"
-        for path, text in long.items()
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.ClassDef)
-        and (node.end_lineno or 0) - node.lineno
-        >= LARGER_CLASSES.get(node.name, LINES_OF_A_CLASS)
+        f"{path}: {found[1]}"
+        for path in SOURCE.rglob("*.py")
+        for found in re.finditer(r"(?m)^class (\w+)[^:]*:\n(?: .*\n|\n)*", path.read_text())
+        if found[0].rstrip().count("\n") >= LARGER_CLASSES.get(found[1], LINES_OF_A_CLASS)
     ]
     assert not grown, "split it: a part holds one idea, and writes its own attributes only"
 

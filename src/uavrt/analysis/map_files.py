@@ -85,10 +85,10 @@ class MapFile:
 
 
 def read_map(path: Path) -> MapFile:
-    """Read the metadata of a map file; raises `FormatError` if it is no map file."""
+    """Read the metadata of a map file; raises `FormatError` if it is not a map file."""
     try:
         if path.exists() and not path.is_file():
-            raise ValueError("it is no file")
+            raise ValueError("it is not a file")
         return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
     except _DAMAGED as error:
         raise FormatError(

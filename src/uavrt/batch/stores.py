@@ -133,7 +133,7 @@ class _StoredBytes:
         if got == 0:
             raise StoreError(
                 f"{self._url} ends in the middle, at byte {offset} of {self._size}",
-                remedy="The same command goes on from there",
+                remedy="Repeat the command: it continues from there",
             )
         return got
 

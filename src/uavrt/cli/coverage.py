@@ -64,29 +64,30 @@ def coverage(
 ) -> None:
     """Map the probability that a tag is heard, hills included.
 
-    Before a flight, SOURCE is a plan or an area; the best of several heights is named. After a
+    Before a flight, SOURCE is a plan or an area; of several heights the best is shown. After a
     flight it is the flight directory: the map then shows the probability that a tag at each
     place would have been heard, from the drone's path, its antenna's direction and its noise.
-    It is for groups of pulses, or for the whole flight where uavrt integrate has searched for
-    the tag. With --area, tags that were not heard also get the probability that they are not
-    there.
+    The probability is that of groups of pulses, or of the whole flight if uavrt integrate has
+    searched for the tag. With --area, tags that were not heard also get the probability that
+    they are not in it.
 
     Parameters
     ----------
     source
-        A plan (QGroundControl's .plan), a way or an area (GeoJSON, KML), or a flight directory.
+        A plan (QGroundControl's .plan), a path or an area (GeoJSON, KML), or a flight
+        directory.
     tag_power
         Power that the tag radiates [dBm], antenna and animal included; collars: -30 to -10.
     dem
         Heights of the ground: an SRTM tile (N47E008.hgt), a GeoTIFF, or a folder of these.
         Without it the ground is level.
     sea
-        Take ground that no elevation file covers for water at height 0.
+        Treat ground that no elevation file covers as water at height 0.
     area
-        Outline (GeoJSON, KML, .plan) of the area to give the probability for.
+        Outline (GeoJSON, KML, .plan) of the area whose probability is computed.
     prior
-        Probability before the flight that the tag is in --area, after a flight; by default
-        the tag may be anywhere on the map alike.
+        For a past flight: probability before it that the tag was in --area; by default all
+        places on the map are equally probable.
     height
         Height of the drone above the ground [m]; several are compared. A flight has its own.
     speed
@@ -94,12 +95,12 @@ def coverage(
     spacing
         Distance between the lines over an area [m].
     margin
-        How far the map reaches beyond the way [m].
+        Width of the map's margin around the path or area [m].
     cell
-        Side of the map's squares [m]; by default 20 before a flight, and after it as in the
-        report: 120 of them along the longer side, of 20 or more.
+        Side of the map's squares [m]. By default 20 before a flight; after it as in the
+        report: 120 squares along the longer side, each of 20 m or more.
     tags
-        A tag file; by default a flight's own tags, and one tag of the options below.
+        A tag file; by default a flight's own tags, or else one tag by the options below.
     tag
         Only these tags of a flight or of --tags, by their ids.
     pulses
@@ -111,11 +112,10 @@ def coverage(
     interval
         The tag's pulse interval [s], without --tags.
     antenna
-        Name of the antenna's pattern, or a CSV file of angles and gains. It points where the
-        drone flies, or as the flight recorded it. monopole: alike on all sides, and deaf
-        to what is below. By
-        default monopole before a flight, and after it what the drone was set up with
-        (bearings.antenna), else RA-23K.
+        Name of the antenna's pattern, or a CSV file of angles and gains. It points in the
+        direction of flight, or as the flight recorded it. monopole: equal on all sides, and
+        without reception from below. By default monopole before a flight; after it the
+        drone's own (bearings.antenna), else RA-23K.
     level_error
         Standard deviation of the tag's level [dB]: power, animal, ground.
     output

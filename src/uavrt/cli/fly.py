@@ -76,30 +76,31 @@ def fly(
     yes: Flag = False,
     json_lines: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Move the drone, or take it out of uavrt's hands.
+    """Move the drone, or end uavrt's control of it.
 
-    The drone says what it would fly, or why not; nothing moves before the word "fly" is typed.
-    Then it is followed to its end. Any pilot ends it by a switch, a stick or another ground
-    station; Ctrl-C here ends it, too, and "stop" from anywhere. uavrt never arms: a pilot does,
-    and takes off, unless guidance.may_take_off is set on the drone.
+    The drone first says what it would fly, or why it refuses; it moves only after you type the
+    word "fly". Then progress is shown until the end. A pilot ends the motion with a switch, a
+    stick or another ground station; Ctrl-C here and "stop" from anywhere end it, too. uavrt
+    never arms: a pilot arms, and also takes off unless guidance.may_take_off is set on the
+    drone.
 
     Parameters
     ----------
     action
         rotate: turn once in place; goto LATITUDE LONGITUDE; survey: lines over an area;
-        search: find tags, deciding by itself where to fly, then return; hold:
-        stay here; return: home by the autopilot; takeoff HEIGHT: straight up from the ground to
-        this height above home [m], once a pilot has armed; stop: stand still and take no more
-        commands; status: who flies; fence: which fence the autopilot holds.
+        search: find tags on a path that the drone chooses, then return; hold: stay here;
+        return: fly home by the autopilot; takeoff HEIGHT: climb from the ground to this height
+        above home [m], once a pilot has armed; stop: stand still and accept no more commands;
+        status: show who controls the drone; fence: show the autopilot's fence.
     numbers
-        goto: the place, in degrees, after "--" if one is negative; takeoff: the height.
+        goto: latitude and longitude [deg], after "--" if one is negative; takeoff: the height.
     area
         Outline of a survey or a search: GeoJSON, KML, or a .plan of QGroundControl; at most 20
         corners, of a search 19, and one less for every two tags that are named. Outlines in it
-        that are marked "keep out" are not flown over, and count.
+        that are marked "keep out" are not flown over; their corners count, too.
     keep_out
-        File of people and buildings over which this motion does not lead, in the same formats;
-        the drone has its own besides, by guidance.keep_out_file.
+        File with areas that are not flown over, such as people and buildings, in the same
+        formats; those of the drone's guidance.keep_out_file are added.
     height
         Height above home [m]; by default the present one.
     seconds
@@ -109,28 +110,28 @@ def fly(
     spacing
         Distance between the lines of a survey, or its points [m].
     pattern
-        Of a survey: lines over the area; around it, along the outline; points in it, with a
-        whole turn at each.
+        Pattern of a survey: lines over the area; around, along the outline; points in it, with
+        a full turn at each.
     radius
         Search within this radius [m] of the drone, in place of --area.
     tags
-        Numbers of the tags to search for, like 2,4; all that are listed unless given.
+        Numbers of the tags to search for, like 2,4; by default all that are listed.
     radius_wish
         A tag counts as found when it is within this radius [m] with 95 % probability.
     minutes
-        Longest duration of a search; the drone then returns, or when all are found.
+        Longest duration of a search: the drone returns then, or once all tags are found.
     sticks_unseen
-        You know that the drone does not see the sticks of any remote control.
+        Confirm that you know: the drone cannot see the sticks of any remote control.
     save
-        Of a survey: write it as a .plan for QGroundControl instead, which a pilot uploads and
-        starts; no drone is needed. Also writes the fence to a file.
+        Write a survey as a .plan for QGroundControl instead, which a pilot uploads and starts;
+        no drone is needed. With "fence": write the fence to this file.
     upload
-        Of a survey: give it to the autopilot as its mission, in place of the one that it holds,
-        and read it back. Nothing starts it but a pilot, and it is not given to a vehicle that
-        flies a mission. Its fence and home are read before: what leads out of the fence, or to
-        where the way home does, is refused.
+        Upload a survey to the autopilot as its mission, in place of the present one, and read
+        it back. Only a pilot can start it. While the vehicle flies a mission, nothing is
+        uploaded. Fence and home are read first: a survey that leaves the fence, or whose
+        return would leave it, is refused.
     farthest
-        Of a survey to upload: it leads no farther from the vehicle's home [m].
+        Greatest distance from the vehicle's home of a survey to upload [m].
     mavlink
         Link to the vehicle, as for `uavrt ground`.
     command_key

@@ -109,22 +109,22 @@ def ground(
         The drone's mavlink.signing_key_file; MAVLink frames are signed with it.
     vehicle
         System number of a vehicle to serve besides the first that is heard: a second drone, a
-        mast or a person with a receiver, on the same links. Repeat it for several; the page of
-        each is one click away, and tags are placed by what all of them hear.
+        mast or a person with a receiver, on the same links. Repeat it for several. Each has a
+        page of its own, linked from the first, and tags are located from the pulses of all.
     my_place
         GPS receiver of this computer, for the page: serial:///dev/ttyACM0, with :4800 and the
         like after it where it is not 9600 baud; udpin://127.0.0.1:10110; tcp://HOST:2947. It
         must send NMEA. "" forgets the saved one.
     dem
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for the page's positions,
-        reports and exports: hills weaken what is heard, and explain silence. "" for none any
-        more.
+        reports and exports: hills weaken signals, and explain silence. "" forgets the saved
+        one.
     set_up
         The drone side's uavrt.toml, where the page runs on the drone's own computer: until it
         has been set up, the page asks for name, antenna, radio, autopilot and keys.
     archive
         Directory that uavrt batch wrote: the page lists its flights, too, by tag and day. By
-        default "archive" in the directory of -o, if it is there. "" for none any more.
+        default "archive" in the directory of -o, if it is there. "" forgets the saved one.
     component_id
         Our MAVLink component id in system 254. uavrt ground stations that listen to one drone
         at the same time need different ids.

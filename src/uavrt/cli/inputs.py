@@ -37,7 +37,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def start_time_ns(text: str | None) -> int | None:
-    """Read --start-time; raises `ConfigError` if it is no time."""
+    """Read --start-time; raises `ConfigError` if it is not a time."""
     if text is None:
         return None
     try:

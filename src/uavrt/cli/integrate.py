@@ -57,10 +57,10 @@ def integrate(
 ) -> None:
     """Look for tags below the noise: all pulses of a flight are judged together.
 
-    Interval, phase, frequency and place are searched at once, each pulse weighed by how the
-    antenna pointed and how far the drone was. A tag is found here some 4 dB below what a group
-    of 10 to 40 pulses needs. Several flights are judged each alone and all together: half of
-    the false-alarm probability is for either. Exits with 1 when no tag is found.
+    Interval, phase, frequency and place are searched together; each pulse is weighted by the
+    antenna's direction and the distance. This finds tags about 4 dB weaker than a group of 10
+    to 40 pulses does. Several flights are judged separately and together, each with half of
+    the false-alarm probability. Exits with 1 when no tag is found.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def integrate(
         The flight directory: its poses, and its tags unless --tags names others. Without one,
         --recording, --track and --tags describe a flight that another program recorded.
     others
-        Further flights of the same tags: what is too weak in each is found in all together.
+        Further flights of the same tags: together they show tags too weak for a single flight.
     recording
         Samples recorded in that flight: of the band or of a channel, in any format of uavrt
         detect. By default the channels that the flight kept (iq/channels), or what it recorded
@@ -99,7 +99,7 @@ def integrate(
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken pulses, and
         explain silence. Without it the ground is taken as level.
     sea
-        Take ground that no elevation file covers for water at height 0.
+        Treat ground that no elevation file covers as water at height 0.
     moves
         Of several flights: the tag may be elsewhere in each. By default it rests.
     tag_power

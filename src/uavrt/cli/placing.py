@@ -41,7 +41,7 @@ class Placing:
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
         and explain silence. Without it the ground is taken as level.
     sea
-        Take ground that no elevation file covers for water at height 0.
+        Treat ground that no elevation file covers as water at height 0.
     """
 
     antenna: str | None = None

@@ -40,9 +40,9 @@ def range(
 ) -> None:
     """Show how far a tag is heard: distance for Pd .5 and .9, and the budget line by line.
 
-    The ENR that a group of K pulses needs is that of our detector, for the tag's interval,
-    its uncertainty, jitter and false-alarm probability. The distances are for open ground: with
-    hills, with trees, or with an animal that lies on its tag they are shorter.
+    The required ENR of a group of K pulses is that of our detector, for the tag's interval,
+    its uncertainty, jitter and false-alarm probability. The distances are for open ground: they
+    are shorter with hills or trees, or if the animal lies on its tag.
 
     Parameters
     ----------
@@ -60,16 +60,16 @@ def range(
     pulse_width
         The tag's pulse width [s], without --tags.
     flight
-        A past flight: how much the drone's noise rose in the air is added to the noise. Of
-        several, the median counts.
+        A past flight: the rise of the drone's noise in the air is added to the noise. Of
+        several, the median is used.
     whole_flight
-        Add a row for each tag of a flight that is judged at once, by uavrt integrate: the drone
-        turns on the spot at 6°/s, and the gain is that of its strongest pulse.
+        Add a row for each tag for a flight that uavrt integrate judges as a whole: the drone
+        turns on the spot at 6°/s, and the gain is that of the strongest pulse.
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains, for --whole-flight.
-        monopole hears alike on all sides.
+        monopole: equal on all sides.
     flight_pulses
-        How many pulses the tag sends in a --whole-flight.
+        Number of pulses that the tag sends in a --whole-flight.
     as_json
         Print a list of objects.
     """

@@ -1,4 +1,4 @@
-"""Parameters that an autopilot needs to connect drone and ground. Pure.
+"""Autopilot parameters required to connect drone and ground. Pure.
 
 PX4 (docs.px4.io, "Serial Port Configuration", "MAVLink Peripherals"): instance n of MAVLink
 runs on the port MAV_n_CONFIG (0: off), sends what MAV_n_MODE says (2: onboard), and forwards

@@ -128,7 +128,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Judge each item of the list at a time; what is unknown is not in order."""
+    """Judge each item of the list; unknown items count as faults."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -206,7 +206,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Judge noise that is even and steady, which only past flights show to be too loud."""
+    """Judge even, steady noise: only past flights show whether it is too high."""
     even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(

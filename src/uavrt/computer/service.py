@@ -153,7 +153,7 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Refuse a service that cannot start, or that would lose its recordings.
+    """Refuse a service that cannot start or would lose its recordings.
 
     `root`: of the system that it is for; users of one without ``etc/passwd`` are not checked.
     Raises `UsageError` for an unknown user, a missing directory, or one below /tmp.
@@ -307,7 +307,7 @@ def _write(path: Path, text: str) -> str:
 
 
 def _link(path: Path, target: str) -> str:
-    """Enable as ``systemctl enable`` does, without a running systemd."""
+    """Enable a unit like ``systemctl enable``, without a running systemd."""
     try:
         if path.is_symlink() and str(path.readlink()) == target:
             return f"{path.name} starts at boot"
@@ -325,7 +325,7 @@ def _not_allowed(path: Path, error: OSError) -> UsageError:
 
 
 def _call(*commands: Sequence[str]) -> list[str]:
-    """Run commands; report failures instead of stopping half-way."""
+    """Run commands; a failure is reported and does not stop the others."""
     said = []
     for command in commands:
         if shutil.which(command[0]) is None:

@@ -118,7 +118,7 @@ class Trial:
         """What was missing last."""
 
     def judge(self, records: list[Any], now_s: float) -> Verdict:
-        """Handle new records, and decide."""
+        """Handle new records; return the verdict."""
         for record in records:
             self.seen.take(record, now_s)
             if self.seen.restarted:

@@ -1,4 +1,4 @@
-"""An update as a file: what is in it, who has signed it, and whether it is whole.
+"""An update as a file: its contents, its signature, and whether it is complete.
 
 A ``.tar`` holds a program and all its libraries::
 
@@ -80,7 +80,7 @@ class Update:
     manifest: Manifest | None
     """None for a wheel alone."""
     content: bytes | None = None
-    """Signed bytes of a wheel alone, whatever becomes of the file."""
+    """Signed bytes of a wheel alone, which do not change with the file."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
@@ -91,7 +91,7 @@ def version_key(version: str) -> tuple[object, ...]:
     """
     found = _VERSION.fullmatch(version)
     if found is None:
-        raise FormatError(f"{version!r} is no version of uavrt", remedy=COPY_AGAIN)
+        raise FormatError(f"{version!r} is not a version of uavrt", remedy=COPY_AGAIN)
     numbers, stage, stage_number, post, dev, local = found.groups()
     release = [int(number) for number in numbers.split(".")]
     while release and release[-1] == 0:

@@ -1,4 +1,4 @@
-"""The versions that are installed, and the link that says which one runs.
+"""The installed versions, and the link to the one that runs.
 
 ::
 
@@ -32,13 +32,13 @@ COMPLETE = ".complete"
 
 @dataclass(frozen=True, slots=True)
 class Installation:
-    """Directory of the versions, and its links."""
+    """Directory with the installed versions, and its links."""
 
     prefix: Path
 
     @classmethod
     def of(cls, executable: str) -> "Installation | None":
-        """Get the one that a Python belongs to; None for an environment outside of one."""
+        """Get the installation of a Python; None if it belongs to none."""
         environment = Path(executable).parent.resolve().parent
         prefix = environment.parent.parent
         if environment.parent.name != "versions" or not (prefix / "venv").is_symlink():
@@ -57,7 +57,7 @@ class Installation:
 
     @property
     def keys(self) -> Path:
-        """Public keys of the makers of updates."""
+        """Public keys whose updates are accepted."""
         return self.prefix / "update-keys.pem"
 
     def version_directory(self, name: str) -> Path:

@@ -143,7 +143,7 @@ def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]
                 (item.value, item.line) for item in one.value if isinstance(item.value, str)
             ]
             if len(items) < len(one.value):
-                text = f"{key[:40]} has a value that is no number"
+                text = f"{key[:40]} has a value that is not a number"
                 faults.append(Fault(line=one.line, text=text))
             text = ", ".join(item for item, _ in items)
             table[key] = _Cell(text=text, line=one.line, items=tuple(items))

@@ -23,7 +23,7 @@ GAP_TOLERANCE_S = 1.5e-3
 """Tolerance of all gaps of a burst together [s]."""
 BURST_TOLERANCE_MS = 4.0
 _UNLIKE_MS = 0.01
-"""Gaps nearer than this are equal [ms]."""
+"""Gaps that differ by less count as equal [ms]."""
 _SAME_KHZ = 1.0
 _MHZ = {"Hz": 1e-6, "MHz": 1.0}
 
@@ -121,7 +121,7 @@ class _Codes:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Place where the same code stood first; `place` if it is new or invalid."""
+        """Place of the first equal code; `place` if the code is new or invalid."""
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere
@@ -147,7 +147,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find codes of one band that differ by less than the tolerance; and their difference."""
+    """Find codes of one band that differ by less than the tolerance, with their difference."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):

@@ -41,7 +41,7 @@ class Parameter:
     absent: float | None = None
     """Number for a setting without value; it lies outside `low` to `high`."""
     scale: float = 1.0
-    """One unit of the parameter in the setting's unit."""
+    """The setting's value for a parameter of 1."""
     live: bool = False
     """True: in force at once; otherwise from the next start of detection."""
     volatile: bool = False

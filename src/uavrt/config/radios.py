@@ -42,7 +42,7 @@ class RadioRow:
     usual_rate_hz: float = 3e6
     """Sample rate suggested by the first set-up."""
     overruns_option: str = ""
-    """Option of recent versions that counts overruns on stderr."""
+    """Option of recent versions of the program that prints overruns on stderr."""
     lists: tuple[str, ...] = ()
     """Program that lists the devices with place and serial number; needed where `receive` takes
     a serial number of digits as a place."""

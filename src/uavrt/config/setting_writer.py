@@ -95,7 +95,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Find a table's commented default ``# key =``, as `default_settings_text` writes it."""
+    """Find a table's commented default ``# key =``, written by `default_settings_text`."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None
@@ -109,7 +109,7 @@ def _toml(value: str | float) -> str:
 
 
 def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:
-    """Check that the text has changed as requested, and in nothing else."""
+    """Check that the requested values have changed, and nothing else."""
     wanted: dict[str, Any] = copy.deepcopy(tomllib.loads(before))
     for (table, key), value in changes.items():
         inside = wanted.setdefault(table, {})

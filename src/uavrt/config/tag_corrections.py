@@ -59,7 +59,7 @@ class TagCorrection:
 
 
 def _listed_as(tag: Tag, other: Tag, what: Literal["frequency", "interval"]) -> Tag:
-    """Change one measured property of a tag, and nothing else of its entry."""
+    """Change one measured property of a tag; the rest of its entry stays."""
     if what == "frequency":
         return replace(tag, frequency_hz=other.frequency_hz)
     return replace(

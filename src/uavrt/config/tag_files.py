@@ -153,8 +153,8 @@ def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
 def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
     """Write tags: ``tags.toml`` when the name ends in ``.toml``, ``TagInfo.txt`` in ``.txt``.
 
-    Raises `ConfigError`: the name is no tag file's, ``TagInfo.txt`` cannot hold a tag with two
-    intervals, or the file cannot be written.
+    Raises `ConfigError`: the name is not that of a tag file, ``TagInfo.txt`` cannot hold a tag
+    with two intervals, or the file cannot be written.
     """
     check_tag_file_name(path)
     target = Path(path)

@@ -120,7 +120,7 @@ class Among:
 class _Seen:
     notes: list[SearchNote] = field(default_factory=list)
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
-    """With the time, during the search."""
+    """The guide's records with their times, during the search."""
     flight_directory: str = ""
     commands: int = 0
     has_others: bool = False

@@ -135,7 +135,7 @@ def sampled_span(first_ns: int, last_ns: int, recorded: Iterable[Pulse]) -> tupl
 
 
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
-    """Combine the pulses of each complete burst into one: its mean strength.
+    """Combine the pulses of each complete burst into one with their mean strength.
 
     `sent`: of one coded tag, in order of time.
     `pulses`: of a burst.

@@ -87,7 +87,7 @@ class PulseDetector:
         )
         self.counters = Counters()
         self.locked_frequency_hz: float | None = None
-        """What a hard lock keeps to until `reset`, absolute; None before the first."""
+        """Absolute frequency of a hard lock until `reset`; None before the first."""
         self._longest = LongestBlock()
         self._intake = Intake(tag, sample_rate_hz=self.sample_rate_hz, counters=self.counters)
         self._buffer = self._intake.buffer
@@ -263,7 +263,7 @@ class PulseDetector:
 
     @property
     def tracks(self) -> list[Track]:
-        """All tracks that it follows, of its tag or not."""
+        """All tracks, of its tag or not."""
         return self.tracking.tracks
 
     @property
@@ -273,7 +273,7 @@ class PulseDetector:
 
     @property
     def now_s(self) -> float:
-        """Up to when it has searched, in its tracks' seconds."""
+        """Time up to which it has searched, in its tracks' seconds."""
         return self._window.follower.seconds(self._clean)
 
     @property
@@ -287,12 +287,12 @@ class PulseDetector:
         return self.tag.frequency_hz + away_hz
 
     def could_be(self, frequency_hz: float) -> bool:
-        """Whether its tag may be at an absolute frequency."""
+        """True if its tag may be at an absolute frequency."""
         offset_hz = frequency_hz - self.center_frequency_hz
         return self._window.bounds.off_frequency(offset_hz) is None
 
     def time_ns(self, time_s: float) -> float:
-        """Absolute time of its tracks' seconds."""
+        """Absolute time at its tracks' seconds."""
         return self._window.follower.epoch_ns + NANOSECONDS_PER_SECOND * time_s
 
     def report(self, track: Track) -> None:
@@ -332,7 +332,7 @@ class PulseDetector:
         self._reporter.searched(self._buffer.time_ns(upto), self.band, self._cleaner.occupancy)
 
     def _lock(self) -> None:
-        """Keep to the frequency of the tag once two of its groups were heard."""
+        """Lock to the frequency of the tag once two of its groups were received."""
         owner = self.tracking.owner()
         if owner is None or owner.number < 2 * self.tag.k - 1 or owner.since_accepted:
             return

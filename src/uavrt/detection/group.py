@@ -82,14 +82,14 @@ class _RingMemory:
     def __init__(self) -> None:
         self._memory = np.zeros(0, np.float32)
         self._homes: dict[_Member, list[tuple[int, int]]] = {}
-        """Where in the memory a member's rings lie, and their sizes."""
+        """Position of a member's rings in the shared memory, and their sizes."""
 
     def rebuild(self) -> None:
         """Make another, for other members, when it is used next."""
         self._homes.clear()
 
     def house(self, member: _Member, members: Iterable[_Member]) -> None:
-        """Have a member's rings in it, where they can be looked at with those of `members`."""
+        """Move a member's rings to it, for joint searches with those of `members`."""
         searches = member.detector.band.anchor_searches()
         if all(search.memory is self._memory for search in searches):
             return

@@ -136,7 +136,7 @@ def check_places(places: tuple[Place, ...]) -> None:
     """Raise `ValueError` for an invalid latitude or longitude."""
     for north, east in places:
         if not (abs(north) <= 90 and abs(east) <= 180):
-            raise ValueError(f"{north:g}, {east:g} is no place on earth")
+            raise ValueError(f"{north:g}, {east:g} is not a place on earth")
 
 
 def _kept(one: _Outline) -> KeepOut:

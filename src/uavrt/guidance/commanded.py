@@ -46,7 +46,7 @@ class Commanded:
     settled: bool = field(init=False, default=False)
     """True once it was at its target."""
     not_settled_yet: bool = field(init=False, default=False)
-    """True while it may stop near its target, where a pause would be invisible."""
+    """True while it is near its target, where it may stop: a pause would be invisible."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start

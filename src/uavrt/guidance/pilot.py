@@ -28,7 +28,7 @@ from uavrt.units import wrap_degrees_180
 
 
 class _BatteryWatch:
-    """Checks the battery at intervals."""
+    """Checks the battery from time to time."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -36,7 +36,7 @@ class _BatteryWatch:
         self._reported = False
 
     def due(self, now: VehicleNow) -> bool:
-        """Whether a check is due."""
+        """True if it is time for a check."""
         due = now.time_s >= self._checked_s + SAFETY.battery_s
         self._checked_s = now.time_s if due else self._checked_s
         return due
@@ -75,7 +75,7 @@ class Pilot:
         """True if other drones search, too: it then flies home at its own height, because the
         autopilot's return may climb into another's height."""
         self._asks = False
-        """Nothing but holding is right until the operator decides."""
+        """Set while the operator must decide: it then only holds."""
         self._battery = _BatteryWatch(limits)
         self._sent = self._refused_before = 0
         self._failed: str | None = None

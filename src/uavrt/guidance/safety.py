@@ -132,7 +132,7 @@ class SafetyLimits:
     frozen_m: float = 2.5
     stopped_s: float = 1.0
     turn_made_up_s: float = 6.0
-    """Time in which a turn that goes on at a command is stopped and made up for [s]."""
+    """Time to stop a turn that continues at a command, and to turn back [s]."""
     report_delay_s: float = 0.3
     """Time after a command in which a reported setpoint may be older than it [s]."""
     # A heading that follows the course turns by this angle in this time [s, °]. After a new

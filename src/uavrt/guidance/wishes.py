@@ -54,7 +54,9 @@ class CommandWriter:
                 if first or self.manners.yaw_in_reposition:
                     raise CommandRefused("this autopilot does not support this kind of turn")
                 if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
-                    raise CommandRefused(f"{wish} is no turn")
+                    raise CommandRefused(
+                        f"the drone cannot turn {wish.turn_deg:g}° at {wish.rate_deg_s:g}°/s"
+                    )
                 return VehicleCommand(
                     name="CONDITION_YAW",
                     param1=abs(wish.turn_deg),

@@ -255,7 +255,7 @@ class MissionDownload(MissionTransfer):
             return self._strange()  # a copy, or out of turn: asked for again in time
         params = (message.param1, message.param2, message.param3, message.param4)
         if not isfinite(message.z) or not all(isnan(one) or isfinite(one) for one in params):
-            self.fault = f"the autopilot's item {message.seq + 1} holds what is no number"
+            self.fault = f"the autopilot's item {message.seq + 1} has an invalid number"
             return [self._ack(MavMissionResult.MISSION_ERROR)]
         self.items.append(
             MissionItem(

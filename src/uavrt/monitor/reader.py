@@ -74,7 +74,9 @@ class StatusReader:
             except (FileNotFoundError, ConnectionRefusedError):
                 check()
                 if monotonic_s() > deadline_s:
-                    raise UavrtError("the supervisor did not start in time") from None
+                    raise UavrtError(
+                        "the supervisor did not start in time", remedy="Try again"
+                    ) from None
                 time.sleep(0.05)
             else:
                 return

@@ -73,7 +73,7 @@ class PulseOutlet:
             self.sender.stores.disk_has_news()
 
     def disk_has_news(self) -> None:
-        """Note that a pulse was recorded that is missing here."""
+        """Note that the disk has a pulse that is missing here, which must be read from it."""
         self.sender.stores.disk_has_news()
 
     def add(self, pulse_pose: PulsePose) -> None:

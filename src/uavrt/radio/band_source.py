@@ -50,7 +50,7 @@ class BandDatagramSource(DatagramSource):
         # Bursts of datagrams are normal here; a new start would make a step of the times.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
         self.realigned = 0
-        """Number of times that the alignment of samples was corrected."""
+        """How often the alignment of samples was corrected."""
         self._clock = Clock.start()
         self._want = SAMPLE_BYTES * max(64, round(BLOCK_S * sample_rate_hz))
         self._joiner = ByteJoiner()

@@ -65,7 +65,7 @@ class ChannelOutput:
                 self._sender.send(channel)
 
     def reset(self) -> None:
-        """Restart the filters after the radio has failed."""
+        """Reset the filters after the radio has failed."""
         self._front_end.reset()
 
     def counters(self) -> dict[str, float]:

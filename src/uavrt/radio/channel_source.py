@@ -52,7 +52,7 @@ class ChannelDatagramSource(DatagramSource):
         self.late = 0
         """Datagrams dropped as late or repeated."""
         self.refused = 0
-        """Datagrams that are no frames."""
+        """Datagrams that are not frames."""
         self._style: StampStyle | None = None
         self._frames = FrameOrder(sample_rate_hz)
         self._arrived_s = monotonic_s()

@@ -26,7 +26,7 @@ class NameFacts:
     """Values read from a name; None where it has none."""
 
     program: str
-    """Program that names recordings so."""
+    """Program that uses such names."""
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
     """Step to which the name rounds the frequency, if coarser than 1 Hz [Hz]."""

@@ -11,7 +11,7 @@ from uavrt.radio.sigmf import sigmf_layout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _NO_GAP_S = 0.001
-"""Longest time between pieces that is no gap [s]: times are rounded, and rates nominal."""
+"""Longest time between pieces that is not a gap [s]: times are rounded, and rates nominal."""
 
 
 class JoinedRecording:

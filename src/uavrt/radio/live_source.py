@@ -13,7 +13,7 @@ RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
     "that the radio takes"
 )
-"""Remedy for a wrong rate, or a cable or computer that loses samples steadily."""
+"""Remedy for a wrong rate, and for a cable or computer that steadily loses samples."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -85,7 +85,7 @@ class LiveSource:
 
     @property
     def unseen_losses(self) -> str | None:
-        """Why arrivals do not show losses, and times count from the first sample; else None."""
+        """Why arrival times show no losses, and times count from the first sample; or None."""
         return self._placer.unseen
 
     @property

@@ -32,7 +32,7 @@ SLOWEST_RATE: Final = 75e-6
 """Largest rate error of crystals; beyond it there are small losses."""
 _UNSEEN_S: Final = 0.010
 HALVED_S: Final = 0.036
-"""Length up to which a loss about a transfer is put half before it and half after [s]. So no
+"""Length up to which a loss near a transfer is placed half before it and half after [s]. So no
 sample is off by more than half of it."""
 _CELLS: Final = 100
 """Number of cells kept: two seconds."""
@@ -108,9 +108,9 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """Whether it took as long to come as to be sampled: the sender was not catching up."""
+    """Whether it arrived at the rate of its samples: the sender was not catching up."""
     single: bool
-    """Whether it came at once."""
+    """Whether it arrived at once."""
 
     @property
     def length_s(self) -> float:
@@ -199,7 +199,7 @@ class LossFinder:
         return loss
 
     def early_s(self) -> float:
-        """Excess of the envelope by two arrivals within a second [s]; or 0."""
+        """Time by which two arrivals in a second were earlier than the envelope [s]; or 0."""
         if len(self._cells) < 2:
             return 0.0
         newest = [
@@ -437,7 +437,7 @@ class LossFinder:
         return lost_s > _SURE_SHARE * min(_SHARE_S, max(now_s - began_s, 5.0))
 
     def _take(self, loss: Loss) -> None:
-        """Continue after a loss: its cells are late no longer."""
+        """Continue after a loss: its cells no longer count as late."""
         now_s = self._cells[-1].end_s
         self._found_s += loss.duration_s
         self._slow.append((now_s, loss.duration_s))

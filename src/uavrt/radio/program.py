@@ -336,7 +336,7 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
 
 
 def _die_with_us() -> list[str]:
-    """Words before a command that let the kernel end it when we end, even by SIGKILL.
+    """Prefix of a command that makes the kernel end it when we end, even by SIGKILL.
 
     A radio program that writes ends when its pipe closes; one that hangs would keep the radio.
     ``setpriv`` is part of util-linux, which every Debian has.

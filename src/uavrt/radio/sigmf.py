@@ -115,7 +115,7 @@ class _Capture:
 def _segments(
     captures: list[_Capture], total: int, rate_hz: float, start_time_ns: int | None
 ) -> list[Segment]:
-    """Put the captures on one time line, with gaps between them."""
+    """Place the captures on one time line, with gaps between them."""
     segments: list[Segment] = []
     base_ns = start_time_ns if start_time_ns is not None else captures[0].time_ns or 0
     moved_ns = base_ns - (captures[0].time_ns if captures[0].time_ns is not None else base_ns)

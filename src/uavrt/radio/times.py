@@ -54,7 +54,7 @@ _UNCLEAN_S = 1.0
 _FAR_S = 0.005
 _FAR_IN_S = 0.5
 _DOUBT_S = 10.0
-"""Lateness of times, time to correct it, and time after a loss in which that applies [s]. Then
+"""Lateness of times, time to correct it, and time after a loss in which this applies [s]. Then
 the loss was none, or smaller."""
 
 
@@ -140,8 +140,8 @@ class TimeKeeper:
 
         `end_index`: index after the newest sample, lost ones counted. `now_ns`: time [ns, UTC].
         `catching_up`: they came faster than a radio samples, because the writer had been
-        waiting for us. If that is so in the first 2 s, the start is dated again, once, when the
-        writer is level.
+        waiting for us. If so in the first 2 s, the start time is computed again, once, when the
+        writer has caught up.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)
@@ -263,7 +263,10 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], for rising `index`; raises `ValueError` at first."""
+        """Time of a sample [ns, UTC], for rising `index`.
+
+        Raises `ValueError`: no samples have arrived yet.
+        """
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True

@@ -28,7 +28,7 @@ from uavrt.on_ground import GROUND_STATION, GroundStates, ground_state
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.plain_database import open_plain, require_plain_files
-from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
+from uavrt.recording.pulse_logs import SELECT_PULSE_POSES
 from uavrt.recording.tag_names import tags_with_names
 
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
@@ -62,7 +62,7 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
             info=flight_info(database, Path(directory)),
             settings_json=_settings(database),
             pulse_poses=tuple(
-                pulse_pose_from_row(row)
+                schema.pulse_pose_from_row(row)
                 for row in database.execute(SELECT_PULSE_POSES.format(join="LEFT"))
             ),
             poses=tuple(

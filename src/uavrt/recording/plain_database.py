@@ -85,7 +85,7 @@ def require_plain_files(path: Path) -> None:
         except OSError:
             continue
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise sqlite3.DatabaseError(f"{path.name}{suffix} is no file")
+            raise sqlite3.DatabaseError(f"{path.name}{suffix} is not a file")
 
 
 def watch(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:

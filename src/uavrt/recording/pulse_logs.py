@@ -21,12 +21,8 @@ _MAKE_LOGGED = (
 )
 
 SELECT_PULSE_POSES = (
-    "SELECT "
-    + ", ".join(f"pulses.{column}" for column in schema.PULSE_COLUMNS.split(", "))
-    + ", "
-    + ", ".join(f"pulse_poses.{column}" for column in schema.POSE_COLUMNS.split(", "))
-    + " FROM pulses {join} JOIN pulse_poses USING (pulse_id) ORDER BY pulses.start_time_ns,"
-    " pulses.tag_id"
+    f"SELECT {schema.PULSE_POSE_COLUMNS} FROM pulses {{join}} JOIN pulse_poses USING (pulse_id)"
+    " ORDER BY pulses.start_time_ns, pulses.tag_id"
 )
 _MISSING = SELECT_PULSE_POSES.format(join="").replace(
     " ORDER BY",
@@ -34,7 +30,6 @@ _MISSING = SELECT_PULSE_POSES.format(join="").replace(
     " temp.logged WHERE logged.tag_id = pulses.tag_id"
     " AND logged.start_time_ns = pulses.start_time_ns) ORDER BY",
 )
-PULSE_WIDTH = len(schema.PULSE_COLUMNS.split(", "))
 
 
 class PulseLogs:
@@ -114,7 +109,7 @@ class PulseLogs:
         with _keys_of(log, database):
             rows = database.execute(_MISSING, {"tag_id": tag_id})
             while some := rows.fetchmany(AT_ONCE):
-                log.append(format_line(pulse_pose_from_row(row)) for row in some)
+                log.append(format_line(schema.pulse_pose_from_row(row)) for row in some)
 
     def _tag_log(self, tag_id: int) -> PulsePoseLog:
         path = self._layout.tag_pulse_pose_log(tag_id)
@@ -147,11 +142,3 @@ def _fill(log: PulsePoseLog, database: sqlite3.Connection) -> None:
         database.executemany(sql, log.keys())
     finally:
         database.execute("RELEASE logged")
-
-
-def pulse_pose_from_row(row: schema.Row) -> PulsePose:
-    """Pulse with pose of a row of `SELECT_PULSE_POSES`."""
-    return PulsePose(
-        pulse=schema.pulse_from_row(row[:PULSE_WIDTH]),
-        pose=schema.pose_from_row(row[PULSE_WIDTH:]),
-    )

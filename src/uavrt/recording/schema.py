@@ -23,6 +23,7 @@ from uavrt.messages import (
     Health,
     Pose,
     Pulse,
+    PulsePose,
     SearchNote,
     SearchReport,
     Tag,
@@ -54,6 +55,13 @@ POSE_COLUMNS = (
     "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
 )
+PULSE_POSE_COLUMNS = ", ".join(
+    [
+        *(f"pulses.{name}" for name in _PULSE_TYPES),
+        *(f"pulse_poses.{name}" for name in POSE_COLUMNS.split(", ")),
+    ]
+)
+"""Columns of pulses joined with their poses."""
 _POSE_FIELDS = POSE_COLUMNS.split(", ")[:5]
 POSE_DECLARED = ", ".join(
     f"{name} {'INTEGER' if name in ('time_ns', 'extrapolated') else 'REAL'}"
@@ -255,6 +263,12 @@ def pose_from_row(row: Row) -> Pose | None:
     record = dict(zip(_POSE_FIELDS, (time_ns, *numbers[:4]), strict=True))
     turned = {"quaternion_wxyz": tuple(numbers[4:]), "extrapolated": bool(extrapolated)}
     return msgspec.convert(record | turned, Pose)
+
+
+def pulse_pose_from_row(row: Row) -> PulsePose:
+    """Pulse with pose of a row of `PULSE_POSE_COLUMNS`."""
+    width = len(_PULSE_TYPES)
+    return PulsePose(pulse=pulse_from_row(row[:width]), pose=pose_from_row(row[width:]))
 
 
 def tag_row(tag: Tag) -> Row:

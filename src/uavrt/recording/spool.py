@@ -14,11 +14,8 @@ from uavrt.messages import Delivered, PulsePose
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
 
-_PULSE = ", ".join(f"pulses.{name.strip()}" for name in schema.PULSE_COLUMNS.split(","))
-_POSE = ", ".join(f"pulse_poses.{name.strip()}" for name in schema.POSE_COLUMNS.split(","))
-_PULSE_WIDTH = len(schema.PULSE_COLUMNS.split(","))
 _UNDELIVERED = (
-    f"SELECT {_PULSE}, {_POSE} FROM pulses JOIN pulse_poses USING (pulse_id) "
+    f"SELECT {schema.PULSE_POSE_COLUMNS} FROM pulses JOIN pulse_poses USING (pulse_id) "
     "WHERE NOT EXISTS (SELECT 1 FROM deliveries"
     " WHERE deliveries.pulse_id = pulses.pulse_id AND (deliveries.store = ?1 OR ?1 = 0)) "
     "ORDER BY pulses.start_time_ns DESC LIMIT ?2"
@@ -41,14 +38,8 @@ def undelivered(
         with closing(sqlite3.connect(uri, uri=True, timeout=0.05)) as database:
             schema.read_older(database)
             rows = database.execute(_UNDELIVERED, (store, limit + len(without) + 1)).fetchall()
-        found = [
-            PulsePose(
-                pulse=schema.pulse_from_row(row[:_PULSE_WIDTH]),
-                pose=schema.pose_from_row(row[_PULSE_WIDTH:]),
-            )
-            for row in rows
-            if (row[0], row[2]) not in without
-        ]
+        wanted = (row for row in rows if (row[0], row[2]) not in without)
+        found = list(map(schema.pulse_pose_from_row, wanted))
     except (sqlite3.Error, ValueError, TypeError) as error:
         raise RecordingError(f"{path} cannot be read: {error}") from error
     return found[:limit], len(found) > limit

@@ -174,7 +174,7 @@ class Airframe:
         self.height_m = max(0.0, self.height_m + climb * step_s)
 
     def _pass_by(self, step_s: float) -> None:
-        """Aim behind the target, farther at higher speed, then come back to it."""
+        """Overshoot the target, farther at higher speed, then come back to it."""
         speed = math.hypot(*self.velocity_m_s[:2])
         brakes = _BRAKING[self._flavour]
         way_m = speed**2 / (2.0 * brakes.share * self.frame.acceleration_m_s2)
@@ -208,7 +208,7 @@ class Airframe:
         return geometry.scale(unit, speed)
 
     def _accelerate(self, wanted: geometry.Vector, step_s: float) -> None:
-        """Come nearer to a velocity over ground, within the limits."""
+        """Change the velocity towards one over ground, within the limits."""
         now = (self.velocity_m_s[0], self.velocity_m_s[1], 0.0)
         change = geometry.subtract(wanted, now)
         size, ease = geometry.length(change), self.frame.jerk_m_s3

@@ -35,13 +35,13 @@ class Antenna(ScenarioRecord):
 
     pattern: Literal["RA-2A", "RA-23K", "isotropic", "monopole", "table"] = "RA-23K"
     table_db: tuple[float, ...] = ()
-    """Own pattern: decibel re boresight at equal steps from 0° to 180°, both included."""
+    """Pattern relative to boresight [dB], at equal steps from 0° to 180°, both included."""
     gain_dbi: Annotated[float, Ge(-20), Le(30)] = 4.0
     """Gain at boresight; for a monopole at the horizon."""
     polarization: Literal["horizontal", "vertical", "any"] = "horizontal"
     """Polarization on a level drone; "any" accepts every wave fully."""
     cross_polarization_db: Annotated[float, Ge(-40), Le(0)] = -15.0
-    """Rest of a wave of the wrong polarization, for scatter."""
+    """Level of a wave of the wrong polarization, which scatter keeps from zero."""
     yaw_offset_deg: float = 0.0
     """Boresight clockwise from the drone's nose."""
     pitch_offset_deg: float = 0.0

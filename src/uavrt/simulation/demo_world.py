@@ -267,7 +267,7 @@ def _flight(duration_s: float) -> Flight:
 
 
 def _amid(duration_s: float) -> Flight:
-    """Middle of the points."""
+    """Centre of the points."""
     corners = _points(duration_s)
     return Flight(
         north_m=sum(corner[0] for corner in corners) / 3,
@@ -277,7 +277,7 @@ def _amid(duration_s: float) -> Flight:
 
 
 def _levelled(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
-    """Set each tag's power for its wanted ENR at boresight from a place."""
+    """Set each tag's power to give it an ENR at boresight from a place."""
     probe = replace(
         scenario,
         flight=replace(stand, wobble_deg=0.0),

@@ -214,7 +214,7 @@ class FakeAutopilot:
         return self._booted_ns + round(elapsed)
 
     def operator_lost(self, now_ns: int) -> bool:
-        """Whether the failsafe for a lost ground station would act."""
+        """Whether the failsafe for a lost ground station would trigger."""
         heard_ns = self._operator_heard_ns
         return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
 
@@ -372,7 +372,7 @@ class FakeAutopilot:
                 self.missions.receive(message, sender, s_from_ns(now_ns), send)
 
     def _random_target(self) -> tuple[int, int]:
-        """Make up numbers as PX4 1.17 leaves in the targets of its answers."""
+        """Random numbers like those that PX4 1.17 leaves in the targets of its answers."""
         return self._random.randrange(256), self._random.randrange(256)
 
     def _command(

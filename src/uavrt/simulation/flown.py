@@ -1,4 +1,4 @@
-"""A vehicle that flies commands, as the simulated autopilot reports it."""
+"""A vehicle that flies commands, reported by the simulated autopilot."""
 
 from pathlib import Path
 from typing import Literal
@@ -25,7 +25,7 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""Period of PX4 1.17's CURRENT_MODE, whatever is requested [ns]."""
+"""Period of PX4 1.17's CURRENT_MODE, regardless of requests [ns]."""
 FLOWN_IDS = frozenset(
     {
         dialect.GlobalPositionInt.ID,
@@ -44,7 +44,7 @@ ASKED_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
     "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""Messages that can be requested: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
+"""Messages that can be requested: PX4 refuses HEARTBEAT, ArduPilot refuses CURRENT_MODE."""
 CENTRE_US = 1500
 
 

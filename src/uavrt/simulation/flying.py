@@ -119,7 +119,7 @@ class FlyingVehicle:
         return self.mode == MODES[self.flavour]["hold"]
 
     def latitude_longitude(self) -> tuple[float, float]:
-        """Its position [deg]."""
+        """Position of the vehicle [deg]."""
         return self.plane.to_geodetic(*self.body.place_m)
 
     def set_mode(self, mode: int) -> None:

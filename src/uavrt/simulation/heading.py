@@ -43,7 +43,7 @@ class Heading:
         self._setpoint_rate_deg_s = 0.0
         self.wanted_deg: float | None = None
         self._turn_left_deg, self._turn_rate_deg_s = 0.0, 20.0
-        """Of a CONDITION_YAW, signed."""
+        """Angle and rate of a CONDITION_YAW, signed."""
 
     def want(self, wanted_deg: float | None) -> None:
         """Turn to a heading; None: to the bearing of the target."""
@@ -54,7 +54,7 @@ class Heading:
         self._turn_left_deg, self._turn_rate_deg_s = by_deg, rate_deg_s
 
     def advance(self, bearing_deg: float | None, step_s: float) -> None:
-        """Turn to what was asked for, else to a bearing, else keep the setpoint."""
+        """Turn to the requested heading, else to a bearing, else keep the setpoint."""
         if self._turn_left_deg:
             most = self._turn_rate_deg_s * step_s
             step = max(-most, min(most, self._turn_left_deg))

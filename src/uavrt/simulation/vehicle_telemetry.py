@@ -7,7 +7,7 @@ from uavrt.simulation.flying import FULL_SCALE_DEG, FlyingVehicle
 
 
 def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPositionInt:
-    """Where it is; the height is above home as the autopilot has corrected it."""
+    """Position; the height is above home, as corrected by the autopilot."""
     latitude, longitude = vehicle.latitude_longitude()
     north, east, up = vehicle.body.velocity_m_s
     height = vehicle.body.shown_height_m
@@ -25,7 +25,7 @@ def position_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.GlobalPosi
 
 
 def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
-    """Where it started, and the altitude that height is counted from."""
+    """Position and altitude of home, from which heights are counted."""
     plane = vehicle.plane
     return dialect.HomePosition(
         latitude=round(plane.latitude_deg * FULL_SCALE_DEG),
@@ -38,7 +38,7 @@ def home_message(vehicle: FlyingVehicle) -> dialect.HomePosition:
 def target_message(
     vehicle: FlyingVehicle, boot_ms: int
 ) -> dialect.PositionTargetGlobalInt | None:
-    """What it flies to; None while there is no target."""
+    """Target of the flight; None without one."""
     target, px4 = vehicle.target, vehicle.flavour == "px4"
     hidden = vehicle.taking_off and not px4
     if target is None or hidden or vehicle.body.velocity_asked is not None:
@@ -75,7 +75,7 @@ def wind_message(vehicle: FlyingVehicle, boot_ms: int) -> dialect.Wind | dialect
 
 
 def landed_message(vehicle: FlyingVehicle) -> dialect.ExtendedSysState:
-    """Whether it stands on the ground."""
+    """Whether the vehicle is on the ground."""
     state = dialect.MavLandedState
     return dialect.ExtendedSysState(
         landed_state=state.ON_GROUND if vehicle.ground.landed else state.IN_AIR

@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from archived import START_NS, TAGS
+from archived import START_NS, TAGS, flight_task
 from past_flight import write_flight
 from watched_task import Seen, WatchedTask
 
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch.cell_work import CellTask
 from uavrt.batch.cells import Cell
-from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.batch.recordings import Recording
 from uavrt.batch.settings import USUAL_STEPS
 from uavrt.batch.workers import run_tasks
@@ -80,19 +79,6 @@ def test_a_worker_that_places_a_flight_loads_nothing_that_writes_parquet(
     tmp_path: Path,
 ) -> None:
     name = write_flight(tmp_path, 120.0, 300.0)
-    seen = worked(
-        FlightTask(
-            path=str(tmp_path / name),
-            flight=name,
-            key="",
-            is_flight=True,
-            searched=(),
-            tags=TAGS[:1],
-            track=None,
-            clock_offset_s=None,
-            steps=USUAL_STEPS[1:],
-            settings=PlacingSettings(),
-        )
-    )
+    seen = worked(flight_task(tmp_path / name, *USUAL_STEPS[1:], tags=TAGS[:1]))
     assert len(seen.result.positions) == 1
     assert not WRITER_ONLY & seen.modules

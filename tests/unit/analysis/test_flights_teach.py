@@ -7,12 +7,12 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
+from archived import flight_task
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
 from uavrt.analysis.bearings import read_bearings
 from uavrt.analysis.positions import read_positions
-from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.clock import flight_stamp
 from uavrt.config.settings import Settings
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
@@ -175,19 +175,7 @@ def test_batch_and_page_are_taught_by_past_flights_as_the_command_line_is(
 ) -> None:
     *_, last = [as_flight(tmp_path, number, 1) for number in range(3)]
     told = [one.bearing.interval90_deg for one in read_bearings(last)]
-    task = FlightTask(
-        path=str(last),
-        flight=last.name,
-        key="",
-        is_flight=True,
-        searched=(),
-        tags=(),
-        track=None,
-        clock_offset_s=None,
-        steps=("bearing",),
-        settings=PlacingSettings(),
-    )
-    result = task.work(lambda: False, lambda _done: None)
+    result = flight_task(last, "bearing").work(lambda: False, lambda _done: None)
     assert [
         (one.interval90_from_deg, one.interval90_to_deg) for one in some(result).bearings
     ] == told

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from archived import flight_task
 from depth import seeds
 from some import some
 from turned import TurnedFlight, turned_flight
@@ -16,7 +17,6 @@ from uavrt.analysis.bearings import read_bearings
 from uavrt.analysis.positions import read_positions
 from uavrt.analysis.records import bearing_record, position_record
 from uavrt.analysis.survey import read_survey
-from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.clock import Clock
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -54,18 +54,7 @@ def live(flight: TurnedFlight, directory: Path) -> Estimates:
 
 
 def by_batch(place: Path) -> tuple[list[Record], list[Record]]:
-    task = FlightTask(
-        path=str(place),
-        flight=place.name,
-        key="",
-        is_flight=True,
-        searched=(),
-        tags=(),
-        track=None,
-        clock_offset_s=None,
-        steps=("bearing", "localize"),
-        settings=PlacingSettings(),
-    )
+    task = flight_task(place, "bearing", "localize")
     result = some(task.work(lambda: False, lambda _done: None))
     return [
         [{name: getattr(one, name) for name in one.__dataclass_fields__} for one in rows]

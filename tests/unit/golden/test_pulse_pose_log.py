@@ -4,11 +4,12 @@ import json
 import math
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.attitude import yaw_deg
 from uavrt.errors import FormatError
-from uavrt.messages import Pose, Pulse, PulsePose
+from uavrt.messages import PulsePose
 from uavrt.recording.pulse_pose_log import (
     READ_BYTES,
     PulsePoseLog,
@@ -28,27 +29,21 @@ OUR_ROW = (
     "1700205420, 554494972, 69.64840000001, 0.219541, 1, 69.8253, 1, 1, 47.397812345, "
     "8.545611234, 488.0771, 0.001890660, -0.001090680, 0.713390000, 0.700764000\n"
 )
-PULSE = Pulse(
-    tag_id=2,
+PULSE = made.pulse(
+    1_700_205_419_230_494_976,
     frequency_hz=148_710_000.125,
-    start_time_ns=1_700_205_419_230_494_976,
     end_time_ns=1_700_205_419_250_494_957,
     snr_db=69.64840000001,
     group_snr_db=69.8253,
     score=0.219541,
-    group_index=1,
     group_sequence=7,
-    noise_psd=1e-12,
-    detection_status="confirmed",
-    confirmed=True,
-    rate=1,
     predicted_next_start_ns=1_700_205_420_434_494_972,
     predicted_next_end_ns=1_700_205_420_554_494_972,
 )
-POSE = Pose(
-    time_ns=1_700_205_419_240_494_966,
-    latitude_deg=47.397812345,
-    longitude_deg=8.545611234,
+POSE = made.pose(
+    1_700_205_419_240_494_966,
+    47.397812345,
+    8.545611234,
     altitude_amsl_m=488.0771,
     altitude_relative_m=12.5,
     quaternion_wxyz=(0.700764, 0.00189066, -0.00109068, 0.71339),

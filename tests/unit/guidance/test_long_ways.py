@@ -62,7 +62,7 @@ def slow_far_away(flavour: Flavour) -> Flown:
 def test_slow_progress_is_progress(flavour: Flavour) -> None:
     """Against a wind it may take an hour; a battery that runs low brings the drone home."""
     flown = slow_far_away(flavour)
-    flown.run(600.0)
+    flown.run(300.0)
     assert flown.authority.standing is Standing.IN_COMMAND
     assert len(flown.commands) == 1
 
@@ -76,7 +76,7 @@ def test_a_drone_that_stops_on_its_way_is_somebodys_and_is_not_sent_home(
     flown.vehicle.body.frame = Frame(battery_wh=600.0, speed_m_s=0.0)
     flown.run(4.0)
     assert flown.authority.reason == "the drone has stopped on its way"
-    flown.run(600.0)
+    flown.run(300.0)
     assert len(flown.commands) == 1
 
 
@@ -86,7 +86,7 @@ def test_nobody_who_took_over_is_sent_home(flavour: Flavour) -> None:
     flown.run(60.0)
     sent = len(flown.commands)
     flown.vehicle.set_mode(MODES[flavour]["position"])
-    flown.run(900.0)
+    flown.run(300.0)
     assert len(flown.commands) == sent
     assert flown.vehicle.mode == MODES[flavour]["position"]
 

@@ -58,7 +58,7 @@ def test_its_fences_are_what_we_read_as_kept_out_of() -> None:
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"pattern": "points"}, "holds no turns"),
+        ({"pattern": "points"}, "cannot contain turns"),
         ({"height_m": None}, "needs a height"),
         ({"height_m": 10.0}, "the least is 20 m"),
         ({"places": ()}, "no corners"),

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.special import log_ndtr, ndtr
 
-from uavrt.localization.position import censored_power
-from uavrt.localization.position.censored_power import (
-    CensoredSums,
-    HeardSums,
-    censored_fit,
-    normal_tail,
-)
+from uavrt.localization.position import power_evidence
+from uavrt.localization.position.censored_power import normal_tail
 from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
 
 
 def test_the_table_of_the_normal_distribution_is_as_good_as_its_docstring_says() -> None:
@@ -29,16 +26,54 @@ def test_beyond_the_table_nothing_is_heard_or_all_and_the_ratio_nears_the_distan
     assert ratio[3:] == pytest.approx([0.0, 0.0], abs=1e-6)
 
 
-def test_places_are_fitted_alike_in_parts_and_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("missed", [0, 7])
+def test_places_are_fitted_alike_in_parts_and_at_once(
+    missed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rng = np.random.default_rng(3)
-    loss, level = rng.normal(-3.0, 2.0, (50, 30)), rng.normal(0.0, 5.0, (50, 30))
-    sums = CensoredSums(
-        heard=HeardSums.of(loss, level),
-        missed_loss=rng.normal(-6.0, 1.0, (50, 7)),
-        limit_db=rng.normal(-8.0, 1.0, (50, 7)),
+    track = PowerTrack(
+        latitude_deg=np.zeros(30),
+        longitude_deg=np.zeros(30),
+        height_m=np.full(30, 40.0),
+        snr_db=np.concatenate([np.full(missed, np.nan), rng.normal(20.0, 5.0, 30 - missed)]),
     )
-    at_once = censored_fit(sums, 2.0, Propagation())
-    monkeypatch.setattr(censored_power, "_TOGETHER", 70)
-    in_parts = censored_fit(sums, 2.0, Propagation())
-    np.testing.assert_allclose(in_parts.log_likelihood, at_once.log_likelihood, rtol=1e-12)
-    np.testing.assert_allclose(in_parts.level_db, at_once.level_db, rtol=1e-12)
+    east, north = rng.uniform(0.0, 200.0, (2, 30))
+    evidence = PowerEvidence(east, north, track, Propagation())
+    places = rng.uniform(0.0, 200.0, (2, 50))
+    at_once = evidence.fit(*places)
+    monkeypatch.setattr(power_evidence, "_TOGETHER", 70)
+    in_parts = evidence.fit(*places)
+    np.testing.assert_allclose(in_parts.log_likelihood, at_once.log_likelihood, rtol=1e-6)
+    np.testing.assert_allclose(in_parts.level_db, at_once.level_db, rtol=1e-6)
+
+
+def test_likelihoods_are_summed_over_all_correlations_of_the_fading() -> None:
+    rng = np.random.default_rng(5)
+    count, height_m = 340, 30.0
+    along = np.linspace(0.0, 542.4, count)
+    east, north = along % 80.0, along // 80.0 * 12.0
+    places = np.array([[30.0], [40.0]]) + rng.uniform(-8.0, 8.0, (2, 20))
+    square = (places[0][:, None] - east) ** 2 + (places[1][:, None] - north) ** 2
+    x = -5.0 * np.log10((square + height_m**2) / 100.0**2)
+    gain = 10.0 * np.log10(np.maximum(square / (square + height_m**2), 1e-3))
+    fading = 1.6 * lfilter([0.8], [1.0, -0.6], rng.normal(size=count))
+    z = 30.0 + 2.5 * x[0] + gain[0] + fading
+    track = PowerTrack(
+        latitude_deg=np.zeros(count),
+        longitude_deg=np.zeros(count),
+        height_m=np.full(count, height_m),
+        snr_db=z,
+    )
+    found = PowerEvidence(east, north, track, Propagation()).fit(*places).log_likelihood
+    ones, expected = np.ones((20, count)), []
+    for rho in np.tanh(np.arange(0.0, 1.66, 0.01)):
+        root = (1.0 - rho**2) ** 0.5
+        rows = np.stack([ones, x, z - gain])
+        rows = np.concatenate([rows[..., :1], (rows[..., 1:] - rho * rows[..., :-1]) / root], 2)
+        products = np.einsum("apn,bpn->pab", rows, rows)
+        products += (4.0 / 0.7) ** 2 * np.outer([0.0, 1.0, 2.5], [0.0, 1.0, 2.5])
+        _, both = np.linalg.slogdet(products[:, :2, :2])
+        _, whole = np.linalg.slogdet(products)
+        size = np.exp(whole - both) + 4.0**2
+        expected.append(-(count - 1) * np.log(root) - 0.5 * (both + count * np.log(size)))
+    assert np.ptp(found - np.logaddexp.reduce(expected)) < 0.05

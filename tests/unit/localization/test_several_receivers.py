@@ -72,10 +72,8 @@ def test_the_circle_of_95_percent_holds_whatever_the_gains_are(receivers: int) -
     assert held["all of one"] < 0.85 * flights
 
 
-@pytest.mark.parametrize(("listeners", "rel"), [((), 1e-6), ((MAST,), 0.02)])
-def test_the_gain_of_a_receiver_changes_nothing(
-    listeners: tuple[Strengths, ...], rel: float
-) -> None:
+@pytest.mark.parametrize("listeners", [(), (MAST,)])
+def test_the_gain_of_a_receiver_changes_nothing(listeners: tuple[Strengths, ...]) -> None:
     stations, _ = drawn(np.random.default_rng(7), 2)
     assert stations.level_db is not None
     stations = replace(stations, listeners=listeners)
@@ -83,5 +81,5 @@ def test_the_gain_of_a_receiver_changes_nothing(
     first, second = (
         estimate_position(one) for one in (stations, replace(stations, level_db=louder))
     )
-    assert second.latitude_deg == pytest.approx(first.latitude_deg, abs=5e-5 * rel)
-    assert second.radius95_m == pytest.approx(first.radius95_m, rel=rel)
+    assert second.latitude_deg == pytest.approx(first.latitude_deg, abs=5e-11)
+    assert second.radius95_m == pytest.approx(first.radius95_m, rel=1e-6)

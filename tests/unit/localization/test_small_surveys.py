@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from depth import seeds
+from scipy.signal import lfilter
 
 from uavrt.localization import PowerTrack, estimate_position
 from uavrt.localization.position.level_evidence import Propagation
@@ -29,9 +30,7 @@ def test_the_truth_is_never_far_likelier_than_the_reported_place(
         tag = rng.uniform(-35.0, 35.0), rng.uniform(*south_m)
         ground = np.hypot(east - tag[0], north - tag[1])
         slant = np.hypot(ground, HEIGHT_M)
-        fading = rng.normal(0.0, 1.6, PULSES)
-        for number in range(1, PULSES):
-            fading[number] = 0.6 * fading[number - 1] + 0.8 * fading[number]
+        fading = 1.6 * lfilter([0.8], [1.0, -0.6], rng.normal(size=PULSES))
         snr_db = 40.0 - 25.0 * np.log10(slant / 30.0) + fading
         snr_db += 20.0 * np.log10(np.maximum(ground / slant, 0.03))
         track = PowerTrack(
@@ -48,4 +47,4 @@ def test_the_truth_is_never_far_likelier_than_the_reported_place(
         truth, reported = fit.log_likelihood
         assert truth - reported <= 10.0
         held += int(np.hypot(x[0] - tag[0], y[0] - tag[1]) <= found.radius95_m)
-    assert held >= 0.83 * (seed + 1)
+    assert held >= 0.87 * (seed + 1)

@@ -138,7 +138,7 @@ async def test_a_mission_that_is_none_or_is_flown_is_not_replaced(tmp_path: Path
     async with flown(tmp_path) as (world, page):
         turns = await motion(page, "upload", MISSION | {"pattern": "points"})
         assert turns.status == 422
-        assert "holds no turns" in turns.json["error"]
+        assert "cannot contain turns" in turns.json["error"]
         assert (await motion(page, "upload", MISSION | {"height_m": None})).status == 422
         world.flown.set_mode(4 << 16 | 4 << 24)  # AUTO.MISSION
         await asyncio.sleep(2.5)

@@ -15,7 +15,7 @@ from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import db_from_power, ns_from_s
 
 _SAME_S = 0.02
-"""Bursts of one tag that begin within this are one."""
+"""Largest difference between start times of the same burst."""
 
 
 class BurstReporter:
@@ -47,7 +47,7 @@ class BurstReporter:
         return sorted(found, key=lambda pulse: pulse.start_time_ns)
 
     def drain_reports(self) -> list[SearchReport]:
-        """Take the reports of stretches searched since the last call."""
+        """Get the search reports since the last call."""
         reports, self._reports = self._reports, []
         return reports
 
@@ -104,7 +104,7 @@ class BurstReporter:
         )
 
     def searched(self, now_ns: int, cells: Cells) -> None:
-        """Say what was searched, for a tag once a second; of many codes more seldom."""
+        """Report what was searched: each tag once a second; many codes less frequently."""
         if now_ns - self._reported_ns < ns_from_s(report_every_s(len(self._tracks.tags))):
             return
         self._reported_ns = now_ns
@@ -163,10 +163,10 @@ def sighting_of(
 
 
 def _beside(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """How far the pulses lie from the columns in which their cells are the largest.
+    """Offset of the pulses from the columns with their largest cells.
 
-    A matched filter of a rectangular pulse falls off linearly to both sides: amplitudes
-    next to the top show how far it lies between.
+    The matched filter of a rectangular pulse decays linearly on both sides: the amplitudes
+    next to the maximum give the offset.
     """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)
@@ -188,7 +188,7 @@ def _energies(cells: Cells, row: int, places: NDArray[np.float64]) -> NDArray[np
 def _frequency(
     cells: Cells, row: int, columns: NDArray[np.intp], width_s: float
 ) -> tuple[float, float]:
-    """Frequency [Hz from the channel's centre] and what lies between rows of the energy."""
+    """Frequency [Hz from the channel's centre], and the energy lost between rows."""
     rows = len(cells.offsets_hz)
     if rows < 3:
         return float(cells.offsets_hz[row]), 1.0

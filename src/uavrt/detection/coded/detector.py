@@ -192,7 +192,7 @@ class CodedDetector:
         return self._reporter.drain()
 
     def search_reports(self) -> list[SearchReport]:
-        """Take the reports of stretches searched since the last call."""
+        """Get the search reports since the last call."""
         return self._reporter.drain_reports()
 
     def _finish(self) -> None:

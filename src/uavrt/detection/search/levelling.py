@@ -106,7 +106,7 @@ class _LevelRecord:
         self._stretches: list[_Stretch] = []
 
     def at(self, row: float, column: float) -> float:
-        """Level at a row and a column (between two: that of the nearer)."""
+        """Level at a row and a column; between two columns, that of the nearer."""
         for stretch in reversed(self._stretches):
             if column >= stretch.first:
                 slot = min(int((column - stretch.first) / SLOT), len(stretch.common) - 1)
@@ -162,7 +162,7 @@ class Leveller:
         # The rows' noise was just learnt from what came before.
         self._past = np.ones((count, _LEARNT), np.float32)
         self._whole = np.ones(_LEARNT, np.float32)
-        """Which slots of the past count: 1 or 0."""
+        """Valid slots of the past: 1 or 0."""
         self.record = _LevelRecord(self.band_of, keep)
         self.unsteady = False
         """True while the level changes, or bands differ."""
@@ -382,7 +382,7 @@ class Leveller:
 def _take_out_bursts(
     common: NDArray[np.float32], weights: NDArray[np.float32], bins: float
 ) -> NDArray[np.bool_]:
-    """Give strong pulses no weight; which of the newest slots may yet be such."""
+    """Set the weights of strong pulses to zero; return which newest slots may be pulses."""
     near, far = _BESIDE
     width = far - near + 1
     # Nothing is known of what comes; before the first slot it was as after it.

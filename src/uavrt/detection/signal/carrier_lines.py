@@ -25,12 +25,20 @@ _RATIO = 40.0
 """Threshold over the median of the bins around: noise reaches it in one of 10^12 bins, pulses
 (50 Hz wide) reach 4, a carrier does from about 0 dB in a bin of 50 Hz."""
 _GROUP = 16
-_MOST = 160
-"""Most carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel."""
+_FLOOR_BIN = 4
+_FLOOR_SCALE = 2.0
+"""Bin of a group, in order of power, that measures its noise, and the median over it. An idle
+transmitter's frame of 60 ms has a line every 16.7 Hz, which takes half of the bins."""
+_MOST = 240
+"""Most carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel, frames of
+60 ms one every 16.7 Hz."""
 FEW_LINES = 6
 _DEGREE_OF_MANY = 3
 """Degree for weak carriers when there are many: 37 polynomials of degree 7 take a tenth of the
 noise, most of it at the newest samples; 3 follows a line 1.5 Hz wide."""
+_DEGREE_OF_MOST = 1
+"""Degree for weak carriers above `_MANY` lines: those of an idle transmitter are steady."""
+_MANY = 100
 _MOST_STEPS = 10
 _LEFT = 0.02
 """Largest residual power of the carriers, as a share of the noise's."""
@@ -80,8 +88,8 @@ class LineCanceller:
             return
         spectrum = np.fft.fft(newest * self._window)
         power = spectrum.real**2 + spectrum.imag**2
-        middle = _GROUP // 2
-        floor = np.partition(power.reshape(-1, _GROUP), middle, axis=1)[:, middle]
+        floor = np.partition(power.reshape(-1, _GROUP), _FLOOR_BIN, axis=1)[:, _FLOOR_BIN]
+        floor *= _FLOOR_SCALE
         # Near an edge of the noise the group on its louder side counts.
         floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
         least = np.finfo(np.float32).tiny
@@ -164,7 +172,8 @@ class LineCanceller:
             return
         rest = both[len(both) - count * block :].reshape(count, block)
         many = len(self._ratios) > FEW_LINES
-        degrees = np.where(many & (self._ratios < _STRONG_RATIO), _DEGREE_OF_MANY, _DEGREE)
+        weak = _DEGREE_OF_MOST if len(self._ratios) > _MANY else _DEGREE_OF_MANY
+        degrees = np.where(many & (self._ratios < _STRONG_RATIO), weak, _DEGREE)
         lines = _Waves(self.frequencies_hz, degrees, self._rate, count, block)
         cleaned = lines.removed(rest).ravel()[-len(samples) :]
         samples[len(samples) - len(cleaned) :] = cleaned

@@ -54,7 +54,7 @@ class _LostColumns:
         return bool(self._buffer.lost or self._buffer.blanked)
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
-        """Get the factor on each column that makes up for lost samples; None: none are lost."""
+        """Get the factor on each column that compensates lost samples; None: none are lost."""
         first = np.arange(begin, begin + count) * self._grid.hop
         return self._buffer.weights(first, self._grid.window)
 
@@ -77,7 +77,7 @@ class _LostColumns:
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
     ) -> NDArray[np.bool_]:
-        """Which columns have no sample of any of the stretches, shape (count,)."""
+        """True for columns without a sample of any of the stretches, shape (count,)."""
         grid = self._grid
         whole = np.ones(count, np.bool_)
         for low, high in reversed(stretches):

@@ -135,13 +135,13 @@ class _Learnt:
 
 
 class HeardPulses:
-    """Pulses of confirmed trains of the last 40 s; they are no bursts to any tag."""
+    """Pulses of confirmed trains in the last 40 s; they are not bursts for any tag."""
 
     def __init__(self) -> None:
         self._heard: dict[int, tuple[float, float]] = {}
         """Absolute frequency and power by time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Their times; with hundreds of tags they are many, and queried with every pulse."""
+        """Their times as an array, since they are read with every pulse."""
         self._how = np.zeros((0, 2))
 
     def remember(self, hearers: Iterable[Hearer]) -> None:
@@ -165,8 +165,8 @@ class HeardPulses:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Get the pulses of confirmed trains of the last 40 s at some frequencies.
 
-        `wanted`: says which of some absolute frequencies are meant.
-        Returns (times_ns, heard): (n,); (n, 2), absolute frequency and power of each.
+        `wanted`: selects among absolute frequencies. Returns (times_ns, heard): (n,); (n, 2),
+        absolute frequency and power of each.
         """
         some = wanted(self._how[:, 0])
         return self._times_ns[some], self._how[some]

@@ -69,7 +69,7 @@ class Tracking:
         self._reporter, self._counters = reporter, counters
         self._center_hz = center_frequency_hz
         self.senders: Senders[Any] | None = None
-        """Which of its tracks are its tag's, decided with the detectors of the same band."""
+        """Decides, with the detectors of the same band, which tracks are its tag's."""
         self.restart(window)
 
     def restart(self, window: SearchWindow, tracks: Sequence[Track] = ()) -> None:
@@ -77,7 +77,7 @@ class Tracking:
         self._window, self.tracks = window, list(tracks)
         self._bursts: Bursts | None = None
         self._knows = False
-        """Whether the band leaves out what known pulses explain."""
+        """True if the band suppresses what known pulses explain."""
 
     def move(self, window: SearchWindow) -> None:
         """Go on in another window, with the tracks that lie in it."""
@@ -116,7 +116,7 @@ class Tracking:
             window.band.know(known)
 
     def _consider(self, found: list[Candidate], search: RateSearch, floor: float) -> None:
-        """Turn candidates into groups; several candidates of the same pulses are one."""
+        """Turn candidates into groups; several candidates of the same pulses become one."""
         window, judge = self._window, self._window.judge
         taken: list[list[Measured]] = []
         untracked = self._mode is OperatingMode.ALL_NEVER_LOCK

@@ -13,11 +13,11 @@ from uavrt.localization.position.bearing_evidence import (
     von_mises,
 )
 from uavrt.localization.position.common_errors import Explanation
-from uavrt.localization.position.level_evidence import LevelEvidence, Propagation
+from uavrt.localization.position.level_evidence import LevelEvidence, Levels, Propagation
 from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.strengths import JoinedLevels, Levels, Strengths
+from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.position.survey_errors import SurveyEvidence
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain.hill_losses import HillLosses
@@ -66,17 +66,13 @@ class Model:
         self._surveyed = _area(self.tracks, 0.0)
         self.hills = self._hills_around()
         self.bearings: list[BearingEvidence] = []
-        self._levels: LevelEvidence | JoinedLevels | None = None
+        self._levels: LevelEvidence | None = None
         self.listeners: tuple[Strengths, ...] = ()
         if stations is not None:
             self.bearings = _bearing_evidence(stations, self.plane, known)
             self.listeners = _judged(stations, self)
             usable = tuple(one for one in self.listeners if one.unused is None)
-            self._levels = (
-                _joined_levels(stations, usable, self, known.propagation)
-                if usable
-                else _level_evidence(stations, self, known.propagation)
-            )
+            self._levels = _level_evidence(stations, usable, self, known.propagation)
         self.track = None if powers is None else _power_evidence(powers, self, known)
         self._near_track = _prior_near_track(
             self._surveyed, sum(_length_m(*one) for one in self.tracks), self._height_m
@@ -162,29 +158,6 @@ def _power_evidence(powers: PowerTrack, model: Model, known: Known) -> SurveyEvi
     return SurveyEvidence(east, north, powers, known.propagation, known.height_sigma_m, over)
 
 
-def _level_evidence(
-    stations: Stations, model: Model, propagation: Propagation
-) -> LevelEvidence | None:
-    """Levels of the rotations, without the antenna's gain."""
-    heard = stations.with_levels
-    if heard is None or heard.level_db is None or len(heard.level_db) < 2:
-        return None
-    east, north = model.plane.to_local(heard.latitude_deg, heard.longitude_deg)
-    nothing = np.zeros(len(east))
-    height = nothing if heard.height_m is None else heard.height_m
-    hills = None if heard.height_m is None else model.hills
-    return LevelEvidence(
-        east,
-        north,
-        height,
-        heard.level_db,
-        nothing if heard.level_sigma_db is None else heard.level_sigma_db,
-        propagation,
-        heard.receivers,
-        OverHills.of(hills, east, north, height),
-    )
-
-
 _HILLS_UNKNOWN = "their losses behind hills are not computed"
 _NO_LEVELS = "no bearing has a strength"
 
@@ -202,30 +175,36 @@ def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
     )
 
 
-def _joined_levels(
+def _level_evidence(
     stations: Stations, listeners: tuple[Strengths, ...], model: Model, propagation: Propagation
-) -> JoinedLevels:
-    """Levels of the rotations and of receivers that never turned."""
-    stations = stations.with_levels or stations
-    assert stations.level_db is not None
-    east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
+) -> LevelEvidence | None:
+    """Levels of the rotations, and of receivers that never turned."""
+    heard = stations.with_levels
+    if heard is None or heard.level_db is None:
+        return None
+    east, north = model.plane.to_local(heard.latitude_deg, heard.longitude_deg)
     nothing = np.zeros(len(east))
     places = [model.plane.to_local(one.latitude_deg, one.longitude_deg) for one in listeners]
-    sigma = nothing if stations.level_sigma_db is None else stations.level_sigma_db
-    height = nothing if stations.height_m is None else stations.height_m
-    several = len(np.unique(stations.receivers)) > 1
-    bearings = stations.receivers + len(listeners) if several else np.full(len(east), -1)
+    sigma = nothing if heard.level_sigma_db is None else heard.level_sigma_db
+    height = nothing if heard.height_m is None else heard.height_m
+    turning, number = np.unique(heard.receivers, return_inverse=True)
+    group = number + len(listeners) if len(turning) > 1 else np.full(len(east), -1)
     levels = Levels(
         east_m=np.concatenate([east, *(one for one, _ in places)]),
         north_m=np.concatenate([north, *(one for _, one in places)]),
         height_m=np.concatenate([height, *(one.height_m for one in listeners)]),
-        level_db=np.concatenate([stations.level_db, *(one.level_db for one in listeners)]),
+        level_db=np.concatenate([heard.level_db, *(one.level_db for one in listeners)]),
         sigma_db=np.concatenate([sigma, *(one.sigma_db for one in listeners)]),
         group=np.concatenate(
-            [bearings, *(np.full(len(one.level_db), n) for n, one in enumerate(listeners))]
+            [group, *(np.full(len(one.level_db), n) for n, one in enumerate(listeners))]
         ),
     )
-    return JoinedLevels(levels, listeners, propagation)
+    if len(levels.level_db) < 2:
+        return None
+    over = None
+    if heard.height_m is not None and not listeners:
+        over = OverHills.of(model.hills, east, north, height)
+    return LevelEvidence(levels, listeners, propagation, over)
 
 
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:

@@ -6,14 +6,12 @@ miss is therefore replaced by its expected level below the threshold, and the fi
 interferer: their share is estimated at each place in the same way.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.columns import chosen_rows, joined_rows
 from uavrt.lean_scipy import special
 from uavrt.localization.position.level_evidence import Propagation
 
@@ -29,8 +27,6 @@ _LOG_ROOT_TWO_PI = 0.918_938_533_2
 _LOWEST, _HIGHEST = -12.0, 8.0
 _STEPS = 64
 """Steps of the normal distribution's tables in one standard deviation."""
-_TOGETHER = 12_000
-"""Numbers computed at once: about a tenth of the processor's cache."""
 
 _STRETCHES = (8, 16, 32)
 _LEAST_STRETCHES = 5
@@ -41,42 +37,18 @@ _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CensoredFit:
-    """Level and exponent at each place, and its likelihood."""
+class PowerFit:
+    """Level and path loss at each place, and its likelihood."""
 
     log_likelihood: _Floats
     level_db: _Floats
     exponent: _Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HeardSums:
-    """Sums over the heard pulses at each place: x the loss, z the power."""
-
-    count: int
-    x: _Floats
-    z: _Floats
-    xx: _Floats
-    xz: _Floats
-    zz: _Floats
-
-    @classmethod
-    def of(cls, x: NDArray[np.floating], z: NDArray[np.floating]) -> "HeardSums":
-        """Sum over the pulses of (places, heard) arrays."""
-        return cls(
-            count=x.shape[1],
-            x=np.asarray(x.sum(axis=1), np.float64),
-            z=np.asarray(z.sum(axis=1), np.float64),
-            xx=dot(x, x),
-            xz=dot(x, z),
-            zz=dot(z, z),
-        )
-
-    def energy(self, level: _Floats, exponent: _Floats) -> _Floats:
-        """Residual sum of squares about a line."""
-        across = self.zz - 2.0 * (level * self.z + exponent * self.xz)
-        along = 2.0 * level * exponent * self.x + exponent**2 * self.xx
-        return np.asarray(np.maximum(across + along + level**2 * self.count, 1e-9))
+def regression_sums(x: NDArray[np.floating], z: NDArray[np.floating]) -> _Floats:
+    """(5, places) sums of x, z, xx, xz and zz over the pulses of (places, pulses) arrays."""
+    first = [np.asarray(one.sum(axis=1), np.float64) for one in (x, z)]
+    return np.stack([*first, dot(x, x), dot(x, z), dot(z, z)])
 
 
 def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
@@ -122,55 +94,35 @@ def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
     return of_below, of_ratio
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CensoredSums:
-    """Regression input of places when pulses were missed."""
-
-    heard: HeardSums
-    """x: -10 log10 of distance over 100 m; z: levels less the antenna's gain."""
-    missed_loss: _Floats
-    """(places, m): x for misses."""
-    limit_db: _Floats
-    """(places, m): upper limit of each miss's level."""
-
-    @classmethod
-    def joined(cls, parts: Sequence["CensoredSums"]) -> "CensoredSums":
-        """Join the sums of several parts of the places."""
-        return replace(joined_rows(parts), heard=joined_rows([one.heard for one in parts]))
-
-    def cut(self) -> Iterator["CensoredSums"]:
-        """Cut places into parts that the processor's cache holds with all misses."""
-        places, misses = self.missed_loss.shape
-        size = max(1, _TOGETHER // max(1, misses))
-        for first in range(0, places, size):
-            those = slice(first, first + size)
-            yield replace(chosen_rows(self, those), heard=chosen_rows(self.heard, those))
-
-
 def censored_fit(
-    sums: CensoredSums,
+    loss: NDArray[np.floating],
+    level_heard_db: NDArray[np.floating],
+    missed_loss: _Floats,
+    limit_db: _Floats,
     miss_weight: float,
     propagation: Propagation,
     *,
     correlation: float = 0.0,
-) -> CensoredFit:
+) -> PowerFit:
     """Fit level, exponent, fading and random misses at each place.
 
+    `loss`, `level_heard_db`: (places, heard) -10 log10 of distance over 100 m, and levels less
+    the antenna's gain.
+    `missed_loss`, `limit_db`: (places, missed) the same loss, and upper limits of the levels.
     `miss_weight`: number of misses that each represents.
     `correlation`: of neighbouring pulses' fading, the same for all compared places.
     """
-    return joined_rows(
-        [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]
-    )
+    heard = regression_sums(loss, level_heard_db)
+    x, z, xx, xz, zz = heard
+    count, places = loss.shape[1], len(loss)
 
+    def energy(level: _Floats, exponent: _Floats) -> _Floats:
+        across = zz - 2.0 * (level * z + exponent * xz)
+        along = 2.0 * level * exponent * x + exponent**2 * xx
+        return np.asarray(np.maximum(across + along + level**2 * count, 1e-9))
 
-def _fitted(
-    sums: CensoredSums, miss_weight: float, propagation: Propagation, correlation: float
-) -> CensoredFit:
-    heard, missed_loss, limit_db = sums.heard, sums.missed_loss, sums.limit_db
-    count, places = heard.count, len(missed_loss)
     exponent = np.full(places, propagation.exponent)
-    level = (heard.z - exponent * heard.x) / count
+    level = (z - exponent * x) / count
     sigma = np.full(places, _TYPICAL_FADING_DB)
     chance = np.full(places, MISSED_BY_CHANCE)
     everything = count + miss_weight * missed_loss.shape[1] + _CHANCE_PULSES
@@ -184,13 +136,11 @@ def _fitted(
         variance = sigma[:, None] ** 2 * np.maximum(1.0 - ratio * (u + ratio), 0.0)
         weighed = share.sum(axis=1)
         level, exponent, determinant = _regressed(
-            heard, missed_loss, filled, share, sigma, propagation
+            heard, count, missed_loss, filled, share, sigma, propagation
         )
         of_missed = filled - level[:, None] - exponent[:, None] * missed_loss
-        energy = heard.energy(level, exponent) + np.sum(
-            share * (of_missed**2 + variance), axis=1
-        )
-        sigma = np.sqrt((energy + _TYPICAL_FADING_DB**2) / (count + weighed + 1.0))
+        squares = energy(level, exponent) + np.sum(share * (of_missed**2 + variance), axis=1)
+        sigma = np.sqrt((squares + _TYPICAL_FADING_DB**2) / (count + weighed + 1.0))
         by_chance = miss_weight * missed_loss.shape[1] - weighed
         chance = (by_chance + MISSED_BY_CHANCE * _CHANCE_PULSES) / everything
     expected = level[:, None] + exponent[:, None] * missed_loss
@@ -198,7 +148,7 @@ def _fitted(
     misses = np.log(chance[:, None] + (1.0 - chance[:, None]) * below).sum(axis=1)
     score = (
         -count * np.log(sigma)
-        - 0.5 * heard.energy(level, exponent) / sigma**2
+        - 0.5 * energy(level, exponent) / sigma**2
         + miss_weight * misses
         + count * np.log1p(-chance)
     )
@@ -210,11 +160,12 @@ def _fitted(
     score -= 0.5 * ((exponent - propagation.exponent) / propagation.exponent_sigma) ** 2
     # The fading's own width and prior cancel those of level and exponent (Laplace).
     score -= 0.5 * np.log(determinant) + 0.5 * (_TYPICAL_FADING_DB / sigma) ** 2
-    return CensoredFit(log_likelihood=score, level_db=level, exponent=exponent)
+    return PowerFit(log_likelihood=score, level_db=level, exponent=exponent)
 
 
 def _regressed(
-    heard: HeardSums,
+    heard: _Floats,
+    count: int,
     missed_loss: _Floats,
     filled: _Floats,
     share: _Floats,
@@ -224,11 +175,11 @@ def _regressed(
     """Level, exponent and determinant, for each place."""
     prior = (sigma / propagation.exponent_sigma) ** 2
     weighted = share * missed_loss
-    ones = heard.count + share.sum(axis=1)
-    x = heard.x + weighted.sum(axis=1)
-    z = heard.z + np.einsum("ij,ij->i", share, filled)
-    xx = heard.xx + np.einsum("ij,ij->i", weighted, missed_loss) + prior
-    xz = heard.xz + np.einsum("ij,ij->i", weighted, filled) + prior * propagation.exponent
+    ones = count + share.sum(axis=1)
+    x = heard[0] + weighted.sum(axis=1)
+    z = heard[1] + dot(share, filled)
+    xx = heard[2] + dot(weighted, missed_loss) + prior
+    xz = heard[3] + dot(weighted, filled) + prior * propagation.exponent
     determinant = np.maximum(ones * xx - x * x, 1e-9)
     exponent = (ones * xz - x * z) / determinant
     return (z - exponent * x) / ones, exponent, determinant

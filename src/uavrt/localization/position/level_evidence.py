@@ -1,13 +1,26 @@
-"""Likelihood of a place from the strengths of several rotations, the tag's own unknown."""
+"""Likelihood of a place from the levels of rotations, and of receivers that never turned.
+
+A mast, a person, or a passing drone gives no bearing. Its pulses still contain the antenna's
+gain towards the tag, and the tag's level, which all receivers share. The effect of a receiver's
+own gain, cable, noise and height over the ground is unknown, and is one error of all its
+levels.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.level_belief import antenna_gain_db
 from uavrt.localization.position.over_hills import LOSS_ERROR, OverHills
+from uavrt.localization.position.strengths import Strengths
 
 _Floats = NDArray[np.float64]
+
+OWN_GAINS_DB = ((0.7, 6.0), (0.3, 20.0))
+"""Common error of a receiver's levels: probability and standard deviation. Another radio or
+cable makes some decibels. An antenna 6 m over the ground hears a far tag 20 dB weaker than one
+at 60 m (two rays: 20 log of the heights' ratio), and one behind a hut weaker still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,60 +36,101 @@ class Propagation:
     rotation."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Levels:
+    """Levels in the local plane, row by row: of bearings first, then of receivers."""
+
+    east_m: _Floats
+    north_m: _Floats
+    height_m: _Floats
+    level_db: _Floats
+    sigma_db: _Floats
+    group: NDArray[np.int64]
+    """(n,) number of the receiver, whose error all its levels share: those of listeners first,
+    then those of several that turn; -1 where only one turns."""
+
+
 class LevelEvidence:
-    """Log-likelihood of places, given boresight levels at stations.
+    """Log-likelihood of places, given levels of bearings and of receivers that never turned.
 
-    Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior for each
-    receiver, and n a normal one. All integrate out in closed form.
+    Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
+    normal error. P has a flat prior and n a normal one. A listener's error is normal, of one of
+    two widths; that of each of several receivers that turn is unknown. All integrate out in
+    closed form.
 
-    `east_m`, `north_m`, `height_m` (n,): stations in the local plane, and above the tag.
-    `level_db`, `sigma_db` (n,): levels and the errors of their estimates.
-    `receiver` (n,): number of the receiver: their gains are unrelated.
-    `over_hills`: losses behind hills; None is level.
+    `levels`: two or more.
+    `listeners`: the receivers that never turned, as their groups number them.
+    `over_hills`: losses behind hills, without listeners; None is level.
     """
 
     def __init__(
         self,
-        east_m: _Floats,
-        north_m: _Floats,
-        height_m: _Floats,
-        level_db: _Floats,
-        sigma_db: _Floats,
+        levels: Levels,
+        listeners: tuple[Strengths, ...],
         propagation: Propagation,
-        receiver: NDArray[np.int64],
         over_hills: OverHills | None = None,
     ) -> None:
-        self._of = (receiver[:, None] == np.unique(receiver)).astype(np.float64)
+        self._levels, self._listeners, self._known = levels, listeners, propagation
         self._over_hills = over_hills
-        self._east_m, self._north_m, self._height_m = east_m, north_m, height_m
-        self._level_db = level_db
-        self._variance_db2 = sigma_db**2 + propagation.shadowing_db**2
-        self._propagation = propagation
+        self._variance_db2 = levels.sigma_db**2 + propagation.shadowing_db**2
+        groups = np.arange(levels.group.max() + 1)
+        errors = levels.group[:, None] == groups
+        # The unknown gains of receivers that turn contain P.
+        several = len(groups) > 0 and not listeners
+        self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
+        """(n, errors) which levels share each receiver's error, then P."""
+        self._own_gains = OWN_GAINS_DB if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
         """(places,) up to a constant."""
-        dx = east_m[:, None] - self._east_m
-        dy = north_m[:, None] - self._north_m
-        height, over = self._height_m[np.newaxis], self._over_hills
-        level = self._level_db[np.newaxis]
-        variance = self._variance_db2[np.newaxis]
+        levels, over = self._levels, self._over_hills
+        dx, dy = east_m[:, None] - levels.east_m, north_m[:, None] - levels.north_m
+        height, variance = levels.height_m[np.newaxis], self._variance_db2[np.newaxis]
+        lost: _Floats | float = 0.0
         if over is not None:
             lost = over.lost_db(east_m, north_m).astype(np.float64)
             height = height - over.hills.rise_m(east_m, north_m)[:, np.newaxis]
-            level, variance = level + lost, variance + (LOSS_ERROR * lost) ** 2
-        slant = dx * dx + dy * dy + np.maximum(np.abs(height), 1.0) ** 2
-        x = -5.0 * np.log10(slant / 100.0**2)
-        known = self._propagation
-        residual = level - known.exponent * x
-        weight = 1.0 / variance
-        total = weight @ self._of
-        x = x - ((x * weight) @ self._of / total) @ self._of.T
-        residual = residual - ((residual * weight) @ self._of / total) @ self._of.T
+            variance = variance + (LOSS_ERROR * lost) ** 2
+        slant2 = dx * dx + dy * dy + np.maximum(np.abs(height), 1.0) ** 2
+        x = -5.0 * np.log10(slant2 / 100.0**2)
+        heard = levels.level_db + lost - self._gain_db(dx, dy, np.sqrt(slant2))
+        residual = heard - self._known.exponent * x
+        scores = [
+            np.log(share) + self._score(x, residual, 1.0 / variance, gain_db)
+            for share, gain_db in self._own_gains
+        ]
+        return np.asarray(np.logaddexp.reduce(scores))
+
+    def _gain_db(self, dx: _Floats, dy: _Floats, slant_m: _Floats) -> _Floats:
+        """(places, n) gains towards the places; 0 for bearings, with levels at boresight."""
+        gain = np.zeros(dx.shape)
+        for number, one in enumerate(self._listeners):
+            rows = np.flatnonzero(self._levels.group == number)
+            for row, yaw_deg in zip(rows, one.yaw_deg, strict=True):
+                gain[:, row] = antenna_gain_db(
+                    *(one.antenna, float(yaw_deg), dx[:, row], dy[:, row]),
+                    *(max(abs(float(self._levels.height_m[row])), 1.0), slant_m[:, row]),
+                )
+        return gain
+
+    def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
+        """(places,) log-likelihood; P, the receivers' errors and n integrated out.
+
+        `weight`: (places or 1, n) inverse variances.
+        `gain_db`: standard deviation of the listeners' errors; the others' are unknown.
+        """
+        errors, listeners = self._errors, len(self._listeners)
+        normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
+        normal[:, range(listeners), range(listeners)] += gain_db**-2.0
+        both = np.stack([x, residual])
+        weighed = both * weight
+        explained = weighed @ errors
+        fitted = np.einsum("apj,pjk->apk", explained, np.linalg.inv(normal))
+        (xx, xr), (_, rr) = np.einsum("apn,bpn->abp", weighed, both) - np.einsum(
+            "apj,bpj->abp", fitted, explained
+        )
         # What is left of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
-        xx, xr = (x * x * weight).sum(axis=1), (x * residual * weight).sum(axis=1)
-        prior = 1.0 / max(known.exponent_sigma, 1e-6) ** 2
-        cost = (residual * residual * weight).sum(axis=1) - xr * xr / (xx + prior)
-        score = -0.5 * cost - 0.5 * np.log((xx + prior) / prior)
-        if over is not None:  # levels are less sure at some places than at others
-            score += 0.5 * (np.log(weight).sum(axis=1) - np.log(total).sum(axis=1))
-        return np.asarray(score)
+        prior = 1.0 / max(self._known.exponent_sigma, 1e-6) ** 2
+        score = np.log(weight).sum(axis=1) - np.linalg.slogdet(normal)[1]
+        score = score - 2.0 * listeners * np.log(gain_db) - np.log((xx + prior) / prior)
+        return np.asarray(0.5 * (score - rr + xr * xr / (xx + prior)))

@@ -6,9 +6,10 @@ the fading's size, integrate out in closed form; the correlation is summed over 
 Misses enter as "below the threshold".
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,12 @@ from uavrt.columns import chosen_rows, joined_rows
 from uavrt.lean_scipy import special
 from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
 from uavrt.localization.position.censored_power import (
-    CensoredSums,
-    HeardSums,
+    PowerFit,
     censored_fit,
     correlation_over_hills,
     dot,
     lasting_correlation,
+    regression_sums,
     thinned,
 )
 from uavrt.localization.position.level_evidence import Propagation
@@ -31,9 +32,11 @@ from uavrt.localization.position.over_hills import ALIKE_M, OverHills, along_err
 REFERENCE_M = 100.0
 _TYPICAL_FADING_DB = 4.0
 _DB = 10.0 / np.log(10.0)
-_TOGETHER = 30_000
+_TOGETHER = 60_000
 """Numbers computed at once, within the processor's cache."""
-_CORRELATIONS = (0.0, 0.3, 0.5, 0.7, 0.85, 0.93)
+_MOST_CORRELATION = 0.93
+_WIDEST_STEP = 0.3
+"""For few pulses, of the correlations' Fisher transforms."""
 
 _Floats = NDArray[np.float64]
 _Reals = NDArray[np.floating]
@@ -66,15 +69,6 @@ class PowerTrack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PowerFit:
-    """Level and path loss at each place."""
-
-    log_likelihood: _Floats
-    level_db: _Floats
-    exponent: _Floats
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Seen:
     """Geometry between places and pulses, for any height: (places, pulses)."""
 
@@ -92,12 +86,14 @@ def fit_each(
     several: Sequence["PowerEvidence"], east_m: _Floats, north_m: _Floats
 ) -> list[PowerFit]:
     """Fit evidences that differ only in height, at once."""
-    sums: list[list[_Sums | CensoredSums]] = [[] for _ in several]
-    for part in several[0].parts(east_m, north_m):
-        seen = several[0].seen_from(*part, several[0].used)
-        for one, own in zip(several, sums, strict=True):
-            own.append(one.summed(seen))
-    return [one.fitted(own) for one, own in zip(several, sums, strict=True)]
+    first = several[0]
+    fits = []
+    together = max(1, _TOGETHER // len(first.used))
+    for start in range(0, len(east_m), together):
+        part = slice(start, start + together)
+        seen = first.seen_from(east_m[part], north_m[part], first.used)
+        fits.append([one.fitted(seen) for one in several])
+    return [joined_rows(own) for own in zip(*fits, strict=True)]
 
 
 class PowerEvidence:
@@ -128,7 +124,8 @@ class PowerEvidence:
         self._heard = ~np.isnan(track.snr_db)
         self._mean_db = float(np.nanmean(track.snr_db))
         missed, self._miss_weight = thinned(np.flatnonzero(~self._heard))
-        self._used = np.concatenate([np.flatnonzero(self._heard), missed])
+        self.used = np.concatenate([np.flatnonzero(self._heard), missed])
+        """Used pulses: those heard, then misses, thinned out if many."""
 
     def losing(self, factor: float) -> "PowerEvidence":
         """The same with all losses behind hills multiplied by a factor."""
@@ -141,41 +138,24 @@ class PowerEvidence:
         """Fit level and exponent at each of some places (places,)."""
         return fit_each([self], east_m, north_m)[0]
 
-    def fitted(self, sums: "Sequence[_Sums | CensoredSums]") -> PowerFit:
-        """Fit level and exponent to the sums of some parts of places."""
-        whole = [one for one in sums if isinstance(one, _Sums)]
-        if whole:
-            return self._levelled(_uncensored(joined_rows(whole, axis=1), _CORRELATIONS))
-        fit = censored_fit(
-            CensoredSums.joined([one for one in sums if isinstance(one, CensoredSums)]),
-            self._miss_weight,
-            self._prior,
-            correlation=self._correlation,
-        )
-        return self._levelled(
-            PowerFit(
-                log_likelihood=fit.log_likelihood, level_db=fit.level_db, exponent=fit.exponent
-            )
-        )
-
-    def summed(self, seen: "Seen") -> "_Sums | CensoredSums":
-        """Sums over the used pulses, for the fit of level and exponent."""
+    def fitted(self, seen: "Seen") -> PowerFit:
+        """Fit level and exponent to the used pulses at each of the places."""
         count = int(self._heard.sum())
-        loss, gain = self._propagated(seen, self._used)
-        heard = self._over_mean(self._used[:count], loss[:, :count], gain[:, :count])
+        loss, gain = self._propagated(seen, self.used)
+        heard = self._over_mean(self.used[:count], loss[:, :count], gain[:, :count])
         if self.over_hills is None and count == len(self._heard):
-            return _Sums.of(*heard, self._prior)
-        limit_db = self._track.threshold_db - self._mean_db
-        return CensoredSums(
-            heard=HeardSums.of(*heard),
-            missed_loss=loss[:, count:].astype(np.float64),
-            limit_db=limit_db - gain[:, count:].astype(np.float64),
-        )
-
-    @property
-    def used(self) -> NDArray[np.intp]:
-        """Used pulses: those heard, then misses, thinned out if many."""
-        return self._used
+            fit = _fit_of_heard(*heard, self._prior)
+        else:
+            limit_db = self._track.threshold_db - self._mean_db
+            fit = censored_fit(
+                *heard,
+                loss[:, count:].astype(np.float64),
+                limit_db - gain[:, count:].astype(np.float64),
+                self._miss_weight,
+                self._prior,
+                correlation=self._correlation,
+            )
+        return replace(fit, level_db=fit.level_db + self._mean_db)
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
         """Correlation length of fading, by the most likely of some places (places,).
@@ -196,15 +176,6 @@ class PowerEvidence:
         alike = float(np.clip(ALIKE_M / max(step_m, 1e-3), 1.0, len(residual)))
         by_hills = correlation_over_hills(residual, along_error_db(lost_db), alike)
         return max(lasting_correlation(residual), by_hills)
-
-    def _levelled(self, fit: PowerFit) -> PowerFit:
-        return replace(fit, level_db=fit.level_db + self._mean_db)
-
-    def parts(self, east_m: _Floats, north_m: _Floats) -> Iterator[tuple[_Floats, _Floats]]:
-        """Cut places into parts that the processor's cache holds with all pulses."""
-        size = max(1, _TOGETHER // len(self._heard))
-        for first in range(0, len(east_m), size):
-            yield east_m[first : first + size], north_m[first : first + size]
 
     def _heard_from(self, east_m: _Floats, north_m: _Floats) -> tuple[_Reals, _Reals]:
         """(places, heard): loss, and level over their mean, less the antenna's gain."""
@@ -269,88 +240,63 @@ class PowerEvidence:
 _FLOOR_DB = float(monopole_gain_db(90.0))
 
 
-def _uncensored(sums: "_Sums", correlations: tuple[float, ...]) -> PowerFit:
-    score = np.stack([sums.log_marginal(rho) for rho in correlations])
-    top = score.max(axis=0)
-    weight = np.exp(score - top)
-    rho = np.array(correlations) @ weight / weight.sum(axis=0)
-    level, exponent = sums.solution(rho)
-    return PowerFit(
-        log_likelihood=np.log(weight.mean(axis=0)) + top, level_db=level, exponent=exponent
-    )
+@lru_cache(maxsize=16)
+def _correlations(count: int) -> _Floats:
+    """(m,) correlations that are summed over for some number of pulses.
+
+    Their Fisher transforms (artanh) are 2.5 standard errors apart: sums over wider steps take
+    the nearest correlation for the true one.
+    """
+    step = min(_WIDEST_STEP, 2.5 / count**0.5)
+    return np.asarray(np.tanh(np.arange(0.0, np.arctanh(_MOST_CORRELATION), step)))
 
 
-def _added(a: _Reals) -> _Floats:
-    return np.asarray(a.sum(axis=1), np.float64)
+def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
+    """Fit at places with all pulses heard; x the loss, z the power (places, pulses).
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Sums:
-    """Products of the regression, for any correlation along the track.
-
-    The precision of a first-order process with correlation rho is, up to 1 / (1 - rho²), the
-    sum over all pulses, plus rho² over the inner ones, minus rho over neighbours both ways.
+    Level, exponent, and the fading's size and correlation integrate out. The precision of a
+    first-order process with correlation rho is, up to 1 / (1 - rho²), the sum over all pulses,
+    plus rho² over the inner ones, minus rho over neighbours both ways. The size has a prior of
+    one pulse with the typical fading, which matters for two or three pulses. The constant is
+    included, so that likelihoods of different numbers of pulses compare.
     """
 
-    whole: _Floats
-    """(5, places): sums of x, z, xx, xz, zz; x the loss, z the power."""
-    inner: _Floats
-    both: _Floats
-    count: int
-    prior: Propagation
+    def at(number: int) -> _Floats:
+        a, b = (one[:, number].astype(np.float64) for one in (x, z))
+        return np.stack([a, b, a * a, a * b, b * b])
 
-    @classmethod
-    def of(cls, x: _Reals, z: _Reals, prior: Propagation) -> "_Sums":
-        def at(number: int) -> _Floats:
-            a, b = (one[:, number].astype(np.float64) for one in (x, z))
-            return np.stack([a, b, a * a, a * b, b * b])
-
-        whole = np.stack([_added(x), _added(z), dot(x, x), dot(x, z), dot(z, z)])
-        ends = at(0) + at(-1)
-        (x1, z1), (x0, z0) = (x[:, 1:], z[:, 1:]), (x[:, :-1], z[:, :-1])
-        lagged = np.stack([dot(x1, x0), 0.5 * (dot(x1, z0) + dot(x0, z1)), dot(z1, z0)], axis=0)
-        return cls(
-            whole=whole,
-            inner=whole - ends,
-            both=2.0 * np.concatenate([whole[:2] - 0.5 * ends[:2], lagged]),
-            count=x.shape[1],
-            prior=prior,
-        )
-
-    def _normal(self, rho: float | _Floats) -> tuple[float | _Floats, _Floats]:
-        ones = self.count + rho**2 * max(0, self.count - 2) - 2.0 * rho * (self.count - 1)
-        scale = 1.0 / (1.0 - rho**2)
-        return ones * scale, (self.whole + rho**2 * self.inner - rho * self.both) * scale
-
-    def _regressed(self, rho: float | _Floats) -> tuple[_Floats, _Floats, _Floats, _Floats]:
-        """Level, exponent, residual (prior's included) and determinant, for each place."""
-        prior = (_TYPICAL_FADING_DB / max(self.prior.exponent_sigma, 1e-3)) ** 2
-        expected = self.prior.exponent
-        ones, (x, z, xx, xz, zz) = self._normal(rho)
-        xx, xz, zz = xx + prior, xz + prior * expected, zz + prior * expected**2
-        determinant = np.maximum(ones * xx - x * x, 1e-9)
-        exponent = (ones * xz - x * z) / determinant
-        level = (z - exponent * x) / ones
-        residual = np.maximum(zz - level * z - exponent * xz, 1e-9)
-        return level, exponent, residual, determinant
-
-    def log_marginal(self, rho: float) -> _Floats:
-        """(places,) log-likelihood with level, exponent and fading's size integrated out.
-
-        The size has a prior of one pulse with the typical fading, which matters for two or
-        three pulses. The constant is included, so that likelihoods of different numbers of
-        pulses compare.
-        """
-        _, _, residual, determinant = self._regressed(rho)
-        size = residual + _TYPICAL_FADING_DB**2
-        whitening = -0.5 * (self.count - 1) * np.log(1.0 - rho**2)
-        return np.asarray(
-            whitening
-            - 0.5 * np.log(determinant)
-            - 0.5 * self.count * np.log(np.pi * size)
-            + special.gammaln(0.5 * self.count)
-        )
-
-    def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:
-        level, exponent, _, _ = self._regressed(rho)
-        return level, exponent
+    places, count = x.shape
+    whole, ends = regression_sums(x, z), at(0) + at(-1)
+    (x1, z1), (x0, z0) = (x[:, 1:], z[:, 1:]), (x[:, :-1], z[:, :-1])
+    both = [dot(x1, x0), 0.5 * (dot(x1, z0) + dot(x0, z1)), dot(z1, z0)]
+    exponent = prior.exponent ** np.arange(3)
+    known = np.zeros((5, 1))
+    known[2:, 0] = (_TYPICAL_FADING_DB / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
+    terms = np.stack(
+        [
+            whole + known,
+            whole - ends - known,
+            -2.0 * np.concatenate([whole[:2] - 0.5 * ends[:2], both]),
+        ]
+    )
+    rho = _correlations(count)
+    white = (1.0 - rho**2)[:, np.newaxis]
+    of_rho = np.stack([np.ones(len(rho)), rho**2, rho], axis=1)
+    ones = (of_rho @ [count, max(0, count - 2), -2.0 * (count - 1)])[:, np.newaxis]
+    sums = (of_rho @ terms.reshape(3, -1)).reshape(-1, 5, places)
+    x_sum, z_sum, xx, xz, zz = np.moveaxis(sums, 1, 0)
+    determinant = np.maximum(ones * xx - x_sum * x_sum, 1e-9)
+    exponent = (ones * xz - x_sum * z_sum) / determinant
+    level = (z_sum - exponent * x_sum) / ones
+    residual = np.maximum(zz - level * z_sum - exponent * xz, 1e-9) / white
+    score = -0.5 * (np.log(determinant) + count * np.log(residual + _TYPICAL_FADING_DB**2))
+    score -= 0.5 * (count - 3) * np.log(white)
+    top = score.max(axis=0)
+    weight = np.exp(score - top)
+    total = weight.sum(axis=0)
+    constant = special.gammaln(0.5 * count) - 0.5 * count * np.log(np.pi) - np.log(len(rho))
+    return PowerFit(
+        log_likelihood=top + np.log(total) + constant,
+        level_db=(weight * level).sum(axis=0) / total,
+        exponent=(weight * exponent).sum(axis=0) / total,
+    )

@@ -13,14 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.censored_power import PowerFit
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.over_hills import FACTORS, OverHills
-from uavrt.localization.position.power_evidence import (
-    PowerEvidence,
-    PowerFit,
-    PowerTrack,
-    fit_each,
-)
+from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack, fit_each
 from uavrt.localization.results import Caution
 
 HEIGHT_SIGMA_M = 7.0
@@ -72,7 +68,6 @@ _LEAST_DB = 0.05
 """Resolution of powers; with smaller differences there is no residual."""
 _FREEDOM = 3.0
 _ROUNDS = 4
-_CHUNK = 400
 
 _Floats = NDArray[np.float64]
 
@@ -159,12 +154,7 @@ class SurveyEvidence:
             return heights[0].fit(east_m, north_m)
         fits = fit_each(heights, east_m, north_m)
         score = np.stack([one.log_likelihood for one in fits]) + self._log_prior[:, None]
-        best = np.argmax(score, axis=0)[None]
-        return PowerFit(
-            log_likelihood=_over_heights(score),
-            level_db=np.take_along_axis(np.stack([o.level_db for o in fits]), best, 0)[0],
-            exponent=np.take_along_axis(np.stack([o.exponent for o in fits]), best, 0)[0],
-        )
+        return _most_likely(fits, score, _over_heights(score))
 
     def _evidence(self, shift_m: float, kept: NDArray[np.bool_] | None = None) -> PowerEvidence:
         kept = self.kept if kept is None else kept
@@ -398,11 +388,16 @@ def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
+    return _most_likely([fit for fit, _ in fits], score, np.logaddexp.reduce(score))
+
+
+def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floats) -> PowerFit:
+    """Level and exponent of the fit with the best score (fits, places) at each place."""
     best = np.argmax(score, axis=0)[None]
     return PowerFit(
-        log_likelihood=np.logaddexp.reduce(score),
-        level_db=np.take_along_axis(np.stack([o.level_db for o, _ in fits]), best, 0)[0],
-        exponent=np.take_along_axis(np.stack([o.exponent for o, _ in fits]), best, 0)[0],
+        log_likelihood=log_likelihood,
+        level_db=np.take_along_axis(np.stack([one.level_db for one in fits]), best, 0)[0],
+        exponent=np.take_along_axis(np.stack([one.exponent for one in fits]), best, 0)[0],
     )
 
 

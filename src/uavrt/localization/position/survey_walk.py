@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.columns import chosen_rows
 from uavrt.localization.position.bayes_fix import Area
+from uavrt.localization.position.censored_power import lasting_correlation
 from uavrt.localization.position.common_errors import WALKING_M_S, WALKING_SHARE
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
@@ -208,6 +209,5 @@ def _fading_db(moved: _Moved, peak: _Peak) -> float:
     fit = evidence.fit(east, north)
     loss, gain = evidence.propagation(east, north, np.arange(len(moved.since_s)))
     off = moved.track.snr_db - gain[0] - fit.level_db[0] - fit.exponent[0] * loss[0]
-    energy = float(off @ off)
-    rho = float(np.clip(off[1:] @ off[:-1] / energy - len(off) ** -0.5, 0.0, 0.9))
-    return float(np.sqrt(energy / len(off) * (1.0 + rho) / (1.0 - rho)))
+    rho = lasting_correlation(off)
+    return float(np.sqrt(np.mean(off**2) * (1.0 + rho) / (1.0 - rho)))

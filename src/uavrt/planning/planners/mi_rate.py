@@ -283,7 +283,7 @@ class MiRate:
 
 
 def _worth(situation: Situation, nats: _Floats, spans_s: _Floats) -> _Floats:
-    """(tags, ways) share of what each tag still needs that each way gives."""
+    """(tags, ways) share of each tag's needed information that each path gives."""
     out = np.empty_like(nats)
     for number, belief in enumerate(situation.wanted):
         needed = situation.stop.needed_nats(belief)
@@ -306,9 +306,9 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """(ways,) worth per second over each way and a round of all tags from its end.
+    """(ways,) the same over each path and a following round of all tags.
 
-    The round goes to the nearest tag each time, past those that the way itself finishes.
+    The round goes to the nearest tag each time, skipping those finished on the path itself.
     """
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])

@@ -133,7 +133,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
     """Write a bearings.csv, whole or not at all.
 
     It replaces all lines of the tags and parent files written and keeps the others.
-    Raises `FormatError` if the existing file is no bearings.csv, or a name holds a comma;
+    Raises `FormatError` if the existing file is not a bearings.csv, or a name holds a comma;
     `RecordingError` if it cannot be written.
     """
     new = list(rows)
