@@ -38,7 +38,7 @@ TYPED = (
 
 NUMBERS = {
     "detection": 443,
-    "localization": 229,
+    "localization": 227,
     "integration": 3,
     "planning": 22,
     "guidance": 20,
