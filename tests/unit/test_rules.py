@@ -58,11 +58,11 @@ LARGER_CLASSES = {
     "FileServer": 344,
     "Guide": 332,
     "Fleet": 331,
-    "LossFinder": 330,
     "CodedDetector": 328,
     "Participant": 319,
     "PulseDetector": 317,
     "Recorder": 308,
+    "LossFinder": 285,
     "SurveyEvidence": 266,
     "TimeKeeper": 264,
 }

@@ -117,6 +117,59 @@ class _Cell:
         return self.end_s - self.begin_s
 
 
+class SourcePace:
+    """Judges whether a source is slower than real time, from the delays of its samples."""
+
+    def __init__(self) -> None:
+        self._delays: deque[tuple[float, float]] = deque()
+        """Place and size of the least delay of each bin [s], not corrected for losses."""
+        self.slow = False
+        """Whether the delays have risen evenly: the source is slower than real time."""
+        self.stepped = self.still = False
+        """Whether the delays have risen by steps; or do not rise now."""
+
+    def measure(self, received_s: float, arrived_s: float) -> None:
+        """Take a delay; judge whenever a bin is full.
+
+        `received_s`: seconds of samples that have arrived.
+        """
+        delay_s, delays = arrived_s - received_s, self._delays
+        if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
+            if delay_s < delays[-1][1]:
+                delays[-1] = (received_s, delay_s)
+            return
+        for span_s, limit in _PACE_SPANS:
+            if not delays or received_s - delays[0][0] < span_s:
+                break
+            rise, scatter = self._line(received_s - span_s)
+            self.still = rise < _SLOW_RATE
+            self.stepped = self.stepped or scatter >= _UNEVEN * limit
+            self.slow = self.slow or (not self.still and scatter <= limit)
+        if delays and delays[0][0] < received_s - _PACE_SPANS[-1][0] - _PACE_BIN_S:
+            delays.popleft()
+        delays.append((received_s, delay_s))
+
+    def _line(self, begin_s: float) -> tuple[float, float]:
+        """Rise of the delays for each second, and their scatter about a line, relative.
+
+        A delay that is made up later is a stall. Of the rest, the line takes the earliest 70 %.
+        """
+        settled = [point for point in self._delays if point[0] >= begin_s]
+        at_s, delay_s = np.array(settled).T
+        delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
+        at_s = at_s[:-_UNSETTLED_BINS] - begin_s
+        if len(at_s) < _LEAST_CELLS or delay_s[-1] - delay_s[0] < 0.5 * _SLOW_RATE * at_s[-1]:
+            return 0.0, 0.0
+        taken = np.ones(len(at_s), bool)
+        for _ in range(3):
+            x, y = at_s[taken], delay_s[taken]
+            rise = float((x - x.mean()) @ y / ((x - x.mean()) @ (x - x.mean())))
+            rest_s = delay_s - y.mean() - rise * (at_s - x.mean())
+            scatter_s = float(rest_s[taken].std())
+            taken = rest_s <= np.quantile(rest_s, 0.7)
+        return rise, scatter_s / (_SCATTER_S + _SCATTER_SHARE * rise * float(at_s[-1]))
+
+
 class LossFinder:
     """Judges the lateness of arrivals; pure.
 
@@ -127,7 +180,8 @@ class LossFinder:
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
-        self._may_be_slow = may_be_slow
+        self.pace = SourcePace() if may_be_slow else None
+        """Pace of a source that may be slower than real time."""
         self.jitter_s = 0.005
         """Mean lateness of the cells from jitter [s]."""
         self.question_s: float | None = None
@@ -145,12 +199,6 @@ class LossFinder:
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
         self._found_s = 0.0
-        self._delays: deque[tuple[float, float]] = deque()
-        """Place and size of the least delay of each bin [s], not corrected for losses."""
-        self._stepped = self._still = False
-        """Whether the delays have risen by steps; or do not rise now."""
-        self.behind = False
-        """Whether the source is slower than real time."""
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
@@ -172,8 +220,8 @@ class LossFinder:
             self._late_from_s = None
         elif self._late_from_s is None:
             self._late_from_s = since_s
-        if self._may_be_slow:
-            self._measure_pace(at_s - self._found_s, arrived_s)
+        if self.pace is not None:
+            self.pace.measure(at_s - self._found_s, arrived_s)
         single = self._lowest_s == math.inf
         self._lowest_s = min(self._lowest_s, late_s)
         begin_s, before_s = self._from
@@ -193,7 +241,7 @@ class LossFinder:
         self._ask(cell)
         self._learn_usual()
         loss = self._judge()
-        if loss is None or (self._may_be_slow and not self._is_credible(loss)):
+        if loss is None or not self._is_credible(loss):
             return None
         self._take(loss)
         return loss
@@ -225,51 +273,11 @@ class LossFinder:
         if self.question_s is not None:
             self.question_s += seconds
 
-    def _measure_pace(self, received_s: float, arrived_s: float) -> None:
-        """Update `behind`, `_stepped` and `_still` whenever a bin is full.
-
-        `received_s`: seconds of samples that have arrived.
-        """
-        delay_s, delays = arrived_s - received_s, self._delays
-        if delays and int(received_s / _PACE_BIN_S) == int(delays[-1][0] / _PACE_BIN_S):
-            if delay_s < delays[-1][1]:
-                delays[-1] = (received_s, delay_s)
-            return
-        for span_s, limit in _PACE_SPANS:
-            if not delays or received_s - delays[0][0] < span_s:
-                break
-            rise, scatter = self._line(received_s - span_s)
-            self._still = rise < _SLOW_RATE
-            self._stepped = self._stepped or scatter >= _UNEVEN * limit
-            self.behind = self.behind or (not self._still and scatter <= limit)
-        if delays and delays[0][0] < received_s - _PACE_SPANS[-1][0] - _PACE_BIN_S:
-            delays.popleft()
-        delays.append((received_s, delay_s))
-
-    def _line(self, begin_s: float) -> tuple[float, float]:
-        """Rise of the delays for each second, and their scatter about a line, relative.
-
-        A delay that is made up later is a stall. Of the rest, the line takes the earliest 70 %.
-        """
-        settled = [point for point in self._delays if point[0] >= begin_s]
-        at_s, delay_s = np.array(settled).T
-        delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
-        at_s = at_s[:-_UNSETTLED_BINS] - begin_s
-        if len(at_s) < _LEAST_CELLS or delay_s[-1] - delay_s[0] < 0.5 * _SLOW_RATE * at_s[-1]:
-            return 0.0, 0.0
-        taken = np.ones(len(at_s), bool)
-        for _ in range(3):
-            x, y = at_s[taken], delay_s[taken]
-            rise = float((x - x.mean()) @ y / ((x - x.mean()) @ (x - x.mean())))
-            rest_s = delay_s - y.mean() - rise * (at_s - x.mean())
-            scatter_s = float(rest_s[taken].std())
-            taken = rest_s <= np.quantile(rest_s, 0.7)
-        return rise, scatter_s / (_SCATTER_S + _SCATTER_SHARE * rise * float(at_s[-1]))
-
     def _is_credible(self, loss: Loss) -> bool:
         """Whether the source has lost samples, and is not just slow: the delay made a step."""
-        if self.behind or self._stepped or (self._still and not loss.sharp):
-            return not self.behind
+        pace = self.pace
+        if pace is None or pace.slow or pace.stepped or (pace.still and not loss.sharp):
+            return pace is None or not pace.slow
         late_s = [cell.late_s for cell in self._cells]
         count = sum(cell.begin_s >= loss.since_s for cell in self._cells)
         after_s, before_s = late_s[-count:], late_s[-2 * count : -count]

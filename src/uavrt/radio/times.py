@@ -170,7 +170,7 @@ class TimeKeeper:
         loss = self._finder.put(
             nominal_s, nominal_s + delay_s, delay_s - self._model_s(nominal_s)
         )
-        if self._finder.behind:
+        if self._finder.pace is not None and self._finder.pace.slow:
             self._forget("the samples came slower than a radio takes them, as from a slow disk")
             return
         if loss is not None:
@@ -297,8 +297,6 @@ class TimeKeeper:
         """Fall back to the start and the nominal rate."""
         self.unseen = why
         self._follow = False
-        self._bin_count = 0
-        self._bin = None
 
     def _fit(self) -> None:
         """Fit the lower envelope: least squares in which a late point loses its weight.
