@@ -281,7 +281,7 @@ def test_estimated_bearings_go_straight_into_a_position() -> None:
     ("change", "word"),
     [
         ({"method": "guess"}, "mest"),
-        ({"stations": None}, "neither"),
+        ({"stations": None}, "missing"),
         (
             {"stations": stations((np.zeros(1), np.zeros(1)), (0.0, 9.0)), "method": "mle"},
             "two",
