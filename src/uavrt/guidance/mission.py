@@ -104,7 +104,7 @@ def survey_items(
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
-            "a mission cannot contain turns, which each autopilot commands in its own way",
+            "a mission cannot contain turns",
             remedy="Take a survey with --pattern lines or around",
         )
     if order.height_m is None:

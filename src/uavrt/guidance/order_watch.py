@@ -24,7 +24,7 @@ from uavrt.guidance.observed_vehicle import ObservedVehicle
 from uavrt.guidance.offers import Offer, is_elsewhere
 from uavrt.guidance.safety import SAFETY
 from uavrt.guidance.yaw import OTHERS_TURN
-from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, Wish
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 
 
 @dataclass(slots=True)
@@ -134,6 +134,9 @@ class OrderWatch:
             raise CommandRefused(f"the target is older than {SAFETY.target_age_s} s")
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
+        turns = abs(vehicle.turning_deg_s) > SAFETY.turn_from_deg_s
+        if turns and isinstance(wish, TurnInPlace):
+            raise CommandRefused("the drone is still turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
         """Raise `CommandRefused` if a takeover would not have been noticed."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from flown import HOME, Flown
+from flown import HOME, STEP_S, Flown
 from some import some
 
 from uavrt.errors import CommandRefused, PlanError
@@ -14,6 +14,7 @@ from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import Go
 from uavrt.guidance.yaw import YawWatch
+from uavrt.messages import TurnInPlace
 from uavrt.simulation.airframe import Flavour, Frame
 from uavrt.simulation.flying import MODES, FlyingVehicle
 
@@ -72,6 +73,24 @@ def test_flies_around_an_area_and_closes_the_round(flavour: Flavour) -> None:
     assert flown_to_its_end(flown, "survey", places=places, pattern="around") == "done"
     assert len(flown.commands) == 5
     assert math.hypot(flown.vehicle.body.north_m - 50, flown.vehicle.body.east_m) < 3.0
+
+
+def test_a_turn_in_place_begins_once_the_drone_has_ended_its_turn_to_the_course() -> None:
+    """ArduCopter turned at 160 deg/s at the arrival, and by 70 deg after the next command."""
+    flown = Flown("ardupilot")
+    order = flown.order("rotate", duration_s=24.0).order
+    flown.run(5.0, until=lambda: flown.began)
+    flown.pilot = None
+    flown.run(1.0)
+    heading, turn = flown.vehicle.heading, TurnInPlace(turn_deg=360.0, rate_deg_s=15.0)
+    before_deg = heading.yaw_deg
+    while abs(heading.yaw_deg - before_deg) < 15.0:
+        heading.yaw_deg = heading.setpoint_deg = heading.yaw_deg - 160.0 * STEP_S
+        flown.step()
+    with pytest.raises(CommandRefused, match="still turning"):
+        flown.authority.command(order.order_id, turn, flown.time_s)
+    flown.run(0.5)
+    assert flown.authority.command(order.order_id, turn, flown.time_s)
 
 
 @BOTH
