@@ -51,11 +51,11 @@ PROTOCOL = ("guidance/mission.py", "guidance/plan_file.py")
 LINES_OF_A_CLASS = 250
 LARGER_CLASSES = {
     "Track": 398,
-    "FileServer": 355,
     "Refiner": 354,
     "Component": 352,
     "FakeAutopilot": 348,
     "Supervisor": 347,
+    "FileServer": 344,
     "Guide": 332,
     "Fleet": 331,
     "CodedDetector": 328,
@@ -63,12 +63,10 @@ LARGER_CLASSES = {
     "PulseDetector": 317,
     "Recorder": 308,
     "LossFinder": 285,
-    "SurveyEvidence": 271,
+    "SurveyEvidence": 266,
     "TimeKeeper": 262,
 }
 """Lines of the classes that exceed the limit: none may grow, and there may be no others."""
-
-LOOKED_AT = (ast.BinOp, ast.ClassDef, ast.Constant, ast.Subscript, ast.ImportFrom)
 
 
 @cache

@@ -302,10 +302,10 @@ def _logs(
 def _counted(one: HeardTrain, fading_db: float) -> float:
     """Share of a flight's evidence that counts: less where loud pulses make it.
 
-    A level of energy E over noise has a variance of 37.7/E dB² by noise (of noncentral
-    chi-square), and that of single pulses' fading; one over it is a pulse's information. All
-    pulses count alike, because the common errors of the many weak ones would move the place
-    otherwise.
+    The variance of a level of energy E over noise is 37.7/E dB² from noise (of noncentral
+    chi-square) plus that of single pulses' fading; its inverse is a pulse's information. One
+    share holds for all pulses: otherwise common errors of the many weak ones would shift the
+    place.
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
     precision = 1.0 / (37.7 / above + fading_db**2)

@@ -76,4 +76,4 @@ def _ask(
                 if not record.accepted:
                     raise CommandRefused(record.message)
                 return record.message
-    raise UavrtError(f"the supervisor did not answer {name}")
+    raise UavrtError(f"the supervisor did not answer the command {name}", remedy="Try again")

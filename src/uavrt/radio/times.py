@@ -263,10 +263,7 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], for rising `index`.
-
-        Raises `ValueError`: no samples have arrived yet.
-        """
+        """Time of a sample [ns, UTC], for rising `index`; `ValueError` before the first."""
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True

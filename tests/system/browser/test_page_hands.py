@@ -326,7 +326,7 @@ def test_a_receiver_tells_where_the_people_stand(scene: Scene) -> None:
         "is not the address of a GPS receiver"
     )
     page.wait_for_timeout(2500)  # states of each second leave the reason, and what was typed
-    expect(page.locator("#set-my-place-fault")).to_contain_text("is no address", timeout=1)
+    expect(page.locator("#set-my-place-fault")).to_contain_text("is not the address", timeout=1)
     expect(page.locator("#set-my-place")).to_have_value("the shelf", timeout=1)
     page.fill("#set-my-place", "")
     page.keyboard.press("Tab")

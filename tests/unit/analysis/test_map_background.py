@@ -198,7 +198,7 @@ def test_what_is_no_map_and_what_was_damaged_is_named(tmp_path: Path) -> None:
     far = bytearray(content)
     far[106:110] = struct.pack("<i", 2_000_000_000)
     made.path.write_bytes(far)
-    with pytest.raises(FormatError, match="no place on earth"):
+    with pytest.raises(FormatError, match="not positions on earth"):
         read_map(made.path)
     rng = np.random.default_rng(4)
     for _ in range(300):

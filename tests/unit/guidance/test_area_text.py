@@ -87,7 +87,7 @@ def test_a_fence_that_is_a_circle_has_corners_all_round() -> None:
         (geojson(RING, RING), "holes"),
         (kml("<innerBoundaryIs/>"), "holes"),
         (geojson(RING[:2]), "three corners"),
-        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "no place on earth"),
+        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a place on earth"),
         (plan([SURVEY, SURVEY]), "2 outlines"),
         (plan([]), "0 outlines"),
         ('<!DOCTYPE x [<!ENTITY a "b">]>' + kml(), "entities"),
@@ -172,7 +172,7 @@ def test_of_a_file_of_buildings_every_outline_counts() -> None:
             json.dumps(feature({"type": "Polygon", "coordinates": [RING]}) | {"properties": 3}),
             "int",
         ),
-        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "no place on earth"),
+        (geojson([[8.0, 460.5], [8.0, 46.6], [8.1, 46.5]]), "not a place on earth"),
         (json.dumps({"type": "MultiPolygon", "coordinates": [[RING]] * 101}), "more than 100"),
     ],
 )

@@ -144,7 +144,7 @@ async def test_a_mission_that_is_none_or_is_flown_is_not_replaced(tmp_path: Path
         await asyncio.sleep(2.5)
         replaced = await motion(page, "upload", MISSION)
         assert replaced.status == 409
-        assert "would change its way" in replaced.json["error"]
+        assert "would change its path" in replaced.json["error"]
         assert not world.autopilot.missions.held[0]
 
 

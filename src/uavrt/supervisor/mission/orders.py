@@ -223,7 +223,7 @@ class Mission:
                 return self.flights.begin_capture(command.center_frequency_hz).directory
             case "save_logs" | "clean_logs":
                 if self._operations is None:
-                    raise UavrtError("not here: only a running supervisor does that")
+                    raise UavrtError("only a running supervisor can save or clean logs")
                 return self._operations.begin(command.name, command.source)
         return ""
 
