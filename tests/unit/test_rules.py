@@ -64,7 +64,7 @@ LARGER_CLASSES = {
     "Recorder": 308,
     "LossFinder": 285,
     "SurveyEvidence": 266,
-    "TimeKeeper": 264,
+    "TimeKeeper": 262,
 }
 """Lines of the classes that exceed the limit: none may grow, and there may be no others."""
 
