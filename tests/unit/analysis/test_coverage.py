@@ -163,7 +163,7 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     write_hills(tmp_path)
     tile = tmp_path / "N35W112.hgt"
     tile.write_bytes(tile.read_bytes()[:-10])
-    with pytest.raises(FormatError, match="cut off"):
+    with pytest.raises(FormatError, match="truncated"):
         coverage(plan, tag_power=-50.0, dem=tmp_path)
     tile.unlink()
     with pytest.raises(FormatError, match="no heights"):

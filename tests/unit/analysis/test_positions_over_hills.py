@@ -86,7 +86,7 @@ def test_a_cut_off_tile_is_named_before_anything_is_computed(
     flight = write_flight(tags=2, heard=1)
     tile = write_tile(tmp_path)
     tile.write_bytes(tile.read_bytes()[:-10])
-    with pytest.raises(FormatError, match="cut off"):
+    with pytest.raises(FormatError, match="truncated"):
         localize(flight, place=Placing(dem=tile))
 
 
