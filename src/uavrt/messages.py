@@ -485,7 +485,7 @@ class Command:
     parameter: str | None = None
     """Name of a parameter (`uavrt.config.parameters`)."""
     value: float | None = None
-    """Its new value."""
+    """New value of the parameter; None for commands that set none."""
     source: str = ""
     """Sender: ``"mavlink 255/190"``, ``"ros2"``, ``"command line"``."""
     sealed: bool = False

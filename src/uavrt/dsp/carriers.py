@@ -39,7 +39,7 @@ class Carriers:
         self._apart_ns = itertools.cycle(_APART_NS)
 
     def look(self, block: IQBlock, center_frequency_hz: float) -> None:
-        """Examine a block of the radio's samples, if it is time.
+        """Search a block of the radio's samples for steady carriers, if the next check is due.
 
         Blocks of less than 256 samples are skipped. `center_frequency_hz`: of the radio.
         """

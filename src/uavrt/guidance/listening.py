@@ -56,7 +56,7 @@ class _Ear:
     """Time since which the search has no gap; None: not searched."""
     to_s: float = 0.0
     next_s: float = 0.0
-    """Start of the first slot that is not evaluated yet."""
+    """Start of the first pulse slot not evaluated yet [s]."""
     heard_s: list[float] = field(default_factory=list)
     pulses: int = 0
     missed: int = 0

@@ -140,7 +140,7 @@ class SafetyLimits:
     course_follow_s: float = 1.0
     course_follow_deg: float = 3.0
     either_way_deg: float = 150.0
-    """Angle from heading to course beyond which a turn in either direction is right [°]."""
+    """Angle between heading and course above which a turn to either side is accepted [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5

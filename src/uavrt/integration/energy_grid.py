@@ -41,7 +41,7 @@ class SlotEnergies:
     left_out: int
     """Number of columns that were too loud."""
     level: NDArray[np.float32]
-    """(frequencies, slots) largest power over noise, loud ones as well; 0 without samples."""
+    """(frequencies, slots) largest power over noise, of loud pulses too; 0 without samples."""
     loud: NDArray[np.bool_]
     """Whether there was a pulse loud enough to be seen alone, (frequencies, slots)."""
     listened: NDArray[np.bool_]

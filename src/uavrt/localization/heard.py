@@ -86,7 +86,7 @@ class PoseColumns:
         return replace(both.chosen(kept), on_ground_ns=on_ground_ns)
 
     def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> "PoseColumns":
-        """Some of the poses."""
+        """Return the poses selected by an index array or a mask."""
         return chosen_rows(self, which)
 
     @property

@@ -96,7 +96,7 @@ class MissionTransfer(ABC):
         return self._again(now_s) if now_s >= self._due_s else []
 
     def cancel(self, reason: str) -> list[Message]:
-        """End it; the vehicle keeps what it had."""
+        """Cancel the transfer; the vehicle keeps its previous mission."""
         if self.over:
             return []
         self.fault = reason

@@ -108,7 +108,7 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """Whether it arrived at the rate of its samples: the sender was not catching up."""
+    """True if it arrived in real time; False while the sender was sending a backlog."""
     single: bool
     """Whether it arrived at once."""
 
@@ -436,7 +436,7 @@ class LossFinder:
         return 0.0 if whole else length_s
 
     def _is_much(self, duration_s: float) -> bool:
-        """Whether half a minute has lost more than a crystal explains."""
+        """True if the samples lost in the last 30 s exceed what a clock-rate error explains."""
         now_s = self._cells[-1].end_s
         while self._slow and self._slow[0][0] < now_s - _SHARE_S:
             self._slow.popleft()

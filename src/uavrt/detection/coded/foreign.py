@@ -10,7 +10,7 @@ from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.judging import Burst
 
 _PER_HOUR = 0.02
-"""Assumed rate of foreign bursts on a channel without any."""
+"""Rate of foreign bursts assumed before any is observed on a channel [1/h]."""
 _MEMORY_S = 300.0
 """Time over which foreign bursts are averaged."""
 _START_S = 10.0

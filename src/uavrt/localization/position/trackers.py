@@ -407,7 +407,7 @@ def _comb(weight: _Singles, places: _Floats) -> NDArray[np.intp]:
 
 
 class _Past:
-    """Where the hypotheses were at some times; each has its own past."""
+    """Stored earlier positions of the particles; each can be traced back through them."""
 
     def __init__(self) -> None:
         self._remembered: list[_Remembered] = []

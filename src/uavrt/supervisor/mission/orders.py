@@ -131,7 +131,7 @@ class Mission:
         return self._decide_order(command)
 
     def _decide_run(self, command: Command) -> CommandReply:
-        """Start with the last tags, or stop, by the rules of those commands."""
+        """Start detection with the last tags, or stop it, if these commands are allowed."""
         try:
             start = run_wanted(math.nan if command.value is None else command.value)
         except UavrtError as error:

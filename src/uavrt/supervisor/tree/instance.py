@@ -33,7 +33,7 @@ class Instance:
     cpu_s_before: float = 0.0
     """CPU time of its earlier children, with their own children."""
     own_cpu_s_before: float = 0.0
-    """CPU time of its earlier children alone."""
+    """CPU time of its earlier processes, without their child processes."""
     memory_mb: float = 0.0
     silence_reported: bool = False
     """Whether its silence was reported to the operator."""
