@@ -87,10 +87,21 @@ def test_a_turn_in_place_begins_once_the_drone_has_ended_its_turn_to_the_course(
     while abs(heading.yaw_deg - before_deg) < 15.0:
         heading.yaw_deg = heading.setpoint_deg = heading.yaw_deg - 160.0 * STEP_S
         flown.step()
-    with pytest.raises(CommandRefused, match="still turning"):
+    with pytest.raises(CommandRefused, match="still moving or turning"):
         flown.authority.command(order.order_id, turn, flown.time_s)
     flown.run(0.5)
     assert flown.authority.command(order.order_id, turn, flown.time_s)
+
+
+def test_a_turn_in_place_begins_once_the_heading_cannot_follow_the_course() -> None:
+    """ArduCopter's heading stood for .1 s between two swings, at 1.6 m/s."""
+    flown = Flown("ardupilot")
+    order = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0).order
+    flown.run(20.0, until=lambda: math.hypot(*flown.vehicle.body.velocity_m_s) > 1.6)
+    turn = TurnInPlace(turn_deg=360.0, rate_deg_s=15.0)
+    assert flown.authority.obeyed
+    with pytest.raises(CommandRefused, match="still moving or turning"):
+        flown.authority.command(order.order_id, turn, flown.time_s)
 
 
 @BOTH
