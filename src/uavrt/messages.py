@@ -754,6 +754,8 @@ class VehicleSeen:
     ground_silent_s: float
     settling: bool = False
     """True if it is near its target and still moving: only a return or a stop may follow."""
+    heading_rests: bool = True
+    """True if a turn in place may begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -228,6 +228,7 @@ class Authority:
             turned_deg=0.0 if motion is None else motion.turned_deg,
             ground_silent_s=ground_silent_s,
             settling=motion is not None and motion.not_settled_yet,
+            heading_rests=self.vehicle.heading_rests,
         )
 
     @property

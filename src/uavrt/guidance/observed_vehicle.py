@@ -34,6 +34,8 @@ class ObservedVehicle:
         self.target: TargetSeen | None = None
         self.turning_deg_s = self.target_turning_deg_s = 0.0
         """Last rates of change of heading and reported target heading."""
+        self._rest: PositionSeen | None = None
+        """First position with about the present heading."""
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
@@ -48,6 +50,8 @@ class ObservedVehicle:
                 if self.position is not None and seen.boot_s < self.position.boot_s:
                     return False
                 self.turning_deg_s = _turning(self.position, seen, self.turning_deg_s)
+                if self._rest is None or _apart_deg(self._rest, seen) > SAFETY.rest_deg:
+                    self._rest = seen
                 self.position = seen
             case TargetSeen():
                 if self.target is not None and seen.boot_s < self.target.boot_s:
@@ -89,6 +93,15 @@ class ObservedVehicle:
         assert self.position is not None
         assert self.home is not None
         return self.mode, self.position, self.home
+
+    @property
+    def heading_rests(self) -> bool:
+        """True if the heading is at its end: another turn is then ours, or a takeover."""
+        position = self.position
+        if position is None or self._rest is None:
+            return False
+        follows = self.manners.follows_course and position.speed_m_s > SAFETY.course_m_s
+        return not follows and position.boot_s - self._rest.boot_s >= SAFETY.rest_s
 
     @property
     def mode_name(self) -> str:
@@ -178,6 +191,13 @@ def ended_by(seen: Observation) -> str | None:
         case ModeSeen(failsafe=True):
             return "the autopilot is in a failsafe"
     return None
+
+
+def _apart_deg(one: PositionSeen, other: PositionSeen) -> float:
+    """Difference of two headings; 0 if one is not reported."""
+    if one.yaw_deg is None or other.yaw_deg is None:
+        return 0.0
+    return abs(wrap_degrees_180(one.yaw_deg - other.yaw_deg))
 
 
 def _turning(

@@ -134,7 +134,7 @@ class OrderWatch:
             raise CommandRefused(f"the target is older than {SAFETY.target_age_s} s")
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
-        if isinstance(wish, TurnInPlace) and not _rests(vehicle):
+        if isinstance(wish, TurnInPlace) and not vehicle.heading_rests:
             raise CommandRefused("the drone is still moving or turning")
 
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
@@ -262,10 +262,3 @@ class OrderWatch:
         if not seen.channels_us:
             return "the sticks are no longer reported"
         return self.hands.see(seen)
-
-
-def _rests(vehicle: ObservedVehicle) -> bool:
-    """True if the heading will stay as it is, so that a further turn is ours or another's."""
-    position = vehicle.known[1]
-    follows = vehicle.manners.follows_course and position.speed_m_s > SAFETY.course_m_s
-    return not follows and abs(vehicle.turning_deg_s) <= SAFETY.turn_from_deg_s

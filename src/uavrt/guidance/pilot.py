@@ -50,6 +50,13 @@ class _BatteryWatch:
         return must_return(now, self._limits)
 
 
+def _waits(step: Step, now: VehicleNow) -> bool:
+    """True if a step must not be requested yet because the drone still settles or turns."""
+    if isinstance(step, Turn) and not now.heading_rests:
+        return True
+    return now.settling and not isinstance(step, Home)
+
+
 class Pilot:
     """Flies one order.
 
@@ -154,9 +161,7 @@ class Pilot:
         if now.wishes_sent < self._sent_for_step:
             self._wished_step = None  # it was refused
         step = self._due(now)
-        if step is None or (now.settling and not isinstance(step, Home)):
-            return None
-        return self._wish(step, now)
+        return None if step is None or _waits(step, now) else self._wish(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
         """Get the step to request now: a return, then a hold, then the order's own."""

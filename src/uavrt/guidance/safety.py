@@ -148,10 +148,11 @@ class SafetyLimits:
     # A heading that changes slower than this, for this long, stands [°/s, s].
     turning_deg_s: float = 4.0
     turned_s: float = 0.5
-    turn_from_deg_s: float = 15.0
-    """Fastest turn under way at which a turn in place begins [°/s]. ArduCopter 4.7 (SITL) went
-    on by 70° from 160°/s, which looks like another's turn. A heading that follows the course
-    is slow where it turns back: the drone must also be slower than `course_m_s`."""
+    # A turn in place begins once the heading has stayed within this angle for this time, and
+    # the drone is slower than `course_m_s` [°, s]. ArduCopter 4.7 (SITL) turned on by 70° from
+    # 160 °/s, and ended a turn of 360° 13° short that began at the peak of an overshoot.
+    rest_deg: float = 5.0
+    rest_s: float = 1.0
 
     # Speeds below which the drone stands, and a leg may begin in any direction [m/s].
     standing_speed_m_s: float = 1.0

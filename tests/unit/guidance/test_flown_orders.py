@@ -89,7 +89,9 @@ def test_a_turn_in_place_begins_once_the_drone_has_ended_its_turn_to_the_course(
         flown.step()
     with pytest.raises(CommandRefused, match="still moving or turning"):
         flown.authority.command(order.order_id, turn, flown.time_s)
-    flown.run(0.5)
+    flown.run(0.8)
+    assert not flown.authority.vehicle.heading_rests
+    flown.run(0.4)
     assert flown.authority.command(order.order_id, turn, flown.time_s)
 
 
