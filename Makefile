@@ -118,6 +118,8 @@ $(STAMP): pyproject.toml hatch_build.py $(wildcard native/*) src/uavrt/mavlink/d
 	$(BIN)/python -m pip install --quiet -e '.[ground,analysis,batch,ros2,dev]'
 	@# GPL: only run as a separate program, by one test, which is skipped without it.
 	-$(BIN)/python -m pip install --quiet --no-deps 'MAVProxy==1.8.75'
+	@# Lists the system's fonts once by a program, which unit tests may not start.
+	-$(BIN)/python -c 'import matplotlib.font_manager'
 	touch $@
 
 # Needs Debian's gcc-x86-64-linux-gnu (on x86-64: gcc) and gcc-aarch64-linux-gnu.
