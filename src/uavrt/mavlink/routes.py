@@ -23,7 +23,7 @@ MAX_PEERS = 64
 
 
 class Routes:
-    """Keeps on which of so many links each peer was received."""
+    """Stores for each peer the links on which it was received."""
 
     def __init__(self, links: int) -> None:
         self._order = (*range(1, links), 0)

@@ -29,7 +29,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExistenceRules:
-    """Constants of the check of the model, and of an interferer that rivals a tag."""
+    """Constants of the check of the model, and of an interferer received as the tag."""
 
     memory: float = 0.95
     """Weight of a pulse in the check of the model when the next one comes: twenty pulses."""

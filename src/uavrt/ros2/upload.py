@@ -23,7 +23,7 @@ class Upload:
         self._released: tuple[Sender, int] | None = None
 
     def add(self, tag_id: int | None, lost: int) -> None:
-        """Note a tag, after so many lost by the network; None if it could not be read."""
+        """Note a tag, after a number lost by the network; None if it could not be read."""
         if not self.open:
             self.forget()
             self.open = True

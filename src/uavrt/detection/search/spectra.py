@@ -35,7 +35,7 @@ class Workspace:
 
 
 def columns_ahead(spectrogram: Spectrogram, samples: int) -> int:
-    """Number of columns completed by so many channel samples from `needed` on."""
+    """Number of columns completed by this number of channel samples from `needed` on."""
     grid = spectrogram.grid
     assert grid.filter is not None
     stride = OUTPUTS_PER_ROW * grid.decimation

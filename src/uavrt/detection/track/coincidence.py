@@ -12,7 +12,7 @@ _STEPS = 32
 def by_chance(
     together: int, pulses: int, *, near_s: float, interval_s: float, uncertainty_s: float
 ) -> float:
-    """Chance that so many pulses of a tag coincide with those of another transmitter.
+    """Chance that this number of a tag's pulses coincides with those of another transmitter.
 
     Either two lattices drift past each other slowly, with any phase and any difference of
     intervals within the uncertainty; or pulses coincide one by one. `pulses`: number of

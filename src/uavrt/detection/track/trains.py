@@ -254,7 +254,7 @@ def _best_explained(pairs: list[tuple[H, Track]]) -> list[tuple[H, Track]]:
 
 
 def _is_active(track: Track, now_s: float) -> bool:
-    """True if a track received pulses lately; always for a tentative one."""
+    """True if a track received pulses recently; always for a tentative one."""
     return not track.confirmed or now_s - track.last_accepted_s < 5.0 * track.interval_s
 
 
