@@ -1,8 +1,8 @@
 """All vehicles that one ground station serves.
 
-The first one belongs to the main page. The operator may add further ones: each is a session
-with its own tags, flights and commands on the links of the first, and has its own page below
-``/vehicle/NUMBER/``. Their findings about a tag are combined into one position.
+The first vehicle has the main page. The operator may add further ones: each is a session with
+its own tags, flights and commands on the first one's links, and has its own page below
+``/vehicle/NUMBER/``. Their results for a tag are combined into one position.
 """
 
 import asyncio
@@ -26,15 +26,16 @@ from uavrt.mavlink.signing import Signing
 from uavrt.messages import BurstInside, Course, PulsePose
 
 MOST_VEHICLES = 16
-"""Most vehicles; heartbeats and poses of more would fill any radio."""
+"""Most vehicles served; heartbeats and poses of more would overload any radio."""
 TELL_S, TELL_WITHIN_S = 1.0, 0.05
-"""Interval of the reports to each drone about the others [s], and delay of a change."""
+"""Interval of the reports to each drone about the others [s], and longest delay of a changed
+report [s]."""
 
 
 class Fleet:
-    """The sessions; `run` serves all until cancelled.
+    """The sessions of all vehicles; `run` serves them until cancelled.
 
-    `on_event`: called with each event of any vehicle, before it is shown.
+    `on_event`: called with each event of any vehicle, before the pages get it.
     `also`: called in the disk thread with each pulse that is stored.
     """
 
@@ -64,11 +65,11 @@ class Fleet:
         return (self.first, *self._others.values())
 
     def session(self, system_id: int) -> GroundSession | None:
-        """The further session that serves a vehicle; None where none does."""
+        """Session of a further vehicle; None if that vehicle is not served."""
         return self._others.get(system_id)
 
     async def run(self) -> None:
-        """Serve until cancelled; resume the vehicles of the last run."""
+        """Serve all vehicles until cancelled, including those of the last run."""
         self._store.disk.start()
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
@@ -105,7 +106,7 @@ class Fleet:
         return session
 
     async def leave(self, system_id: int) -> None:
-        """Stop serving a further vehicle; its flight here ends, the drone continues."""
+        """Stop serving a further vehicle; ends its flight on the ground, not on the drone."""
         if system_id not in self._others:
             raise UsageError(f"there is no further vehicle {system_id}")
         self.first.vehicle.identity.excluded.discard(system_id)
@@ -118,11 +119,11 @@ class Fleet:
         self._show()
 
     def records(self) -> list[dict[str, Any]]:
-        """All vehicles, as a page shows them."""
+        """Records of all vehicles, as each page shows them."""
         return [vehicle_record(one.vehicle) for one in self.sessions]
 
     def _take_course(self, session: GroundSession, course: Course) -> None:
-        """Store where a drone goes; send changes to the others soon, batched."""
+        """Store a drone's reported course; send changes to the other drones in batches."""
         number = session.vehicle.identity.system_id
         if number is None or not self._ways.take(number, course, monotonic_s()):
             return

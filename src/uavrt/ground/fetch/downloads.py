@@ -44,10 +44,10 @@ class Download:
     file: str = ""
     done_bytes: int = 0
     whole_bytes: int | None = None
-    """None while the drone's files are being listed."""
+    """Size of the flight [bytes]; None while the drone's files are being listed."""
     ended: bool = False
     error: str | None = None
-    """Why it stopped early; None otherwise."""
+    """Reason for an aborted download; None without one."""
 
 
 class Downloads:
@@ -62,7 +62,7 @@ class Downloads:
         self.current: Download | None = None
 
     def receive(self, frame: Frame) -> None:
-        """Handle a frame of the link; only frames of the drone's file server count."""
+        """Handle a frame of the link; ignored unless it is from the drone's file server."""
         link = self._vehicle.connection.link
         if frame.message_id != dialect.FileTransferProtocol.ID or link is None:
             return
@@ -76,7 +76,7 @@ class Downloads:
             self._client.receive(message.payload)
 
     async def flights(self) -> list[dict[str, Any]]:
-        """List the flights on the drone, newest first, and whether each is here."""
+        """List the flights on the drone, newest first; mark those downloaded already."""
         if self._asking.locked():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -91,7 +91,7 @@ class Downloads:
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
         """Start to fetch a flight; its progress is sent to all pages.
 
-        `flight_id`: its name on the drone.
+        `flight_id`: name of the flight on the drone.
         `everything`: fetch its recorded samples as well.
         """
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
@@ -176,7 +176,7 @@ class Downloads:
         return self._vehicle.store.directory / f"{flight_id}{FETCHED_COPY}"
 
     def _is_own(self, flight_id: str) -> bool:
-        """True if the drone side runs on this computer and the flight is in its directory."""
+        """True if the drone side runs on this computer and this flight is in its directory."""
         directory = self._vehicle.store.directory
         here = FlightLayout(directory / flight_id).database.is_file()
         return here and is_the_drones(directory)
@@ -189,5 +189,5 @@ class Downloads:
 
 
 def _database_last(entries: list[RemoteEntry]) -> list[RemoteEntry]:
-    """Sort small files first and the database last: a flight is listed once it is complete."""
+    """Sort small files first and the database last, since only a complete flight is listed."""
     return sorted(entries, key=lambda one: (one.path.endswith("/flight.sqlite"), one.size or 0))

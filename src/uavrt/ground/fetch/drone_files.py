@@ -1,7 +1,7 @@
-"""Connect `uavrt fetch` to the drone over one link, or the quickest of several.
+"""Connect `uavrt fetch` to the drone over the fastest of several links.
 
-To the drone this is one more program of the ground's system, not a ground station, so it
-receives no pulses.
+The drone treats this program as a member of the ground's MAVLink system that is no ground
+station, and sends it no pulses.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from uavrt.mavlink.waiting import within
 
 BEAT_S = 1.0
 OWN_COMPONENT = 197
-"""MAVLink component of this program; different from the ground station's."""
+"""MAVLink component id of this program; different from the ground station's, 190."""
 PINGS = 4
 PING_S = 0.25
 
@@ -54,14 +54,14 @@ class DroneFiles:
         self._found = asyncio.Event()
         self._trips_ns: dict[int, int] = {}
         self.link = 0
-        """The link in use."""
+        """Index of the link in use."""
         self._client = FileClient(
             self._send, now_ns, session=secrets.randbelow(256), unanswered=self._next_link
         )
 
     @asynccontextmanager
     async def open(self, *addresses: str, timeout_s: float = 20.0) -> AsyncIterator[FileClient]:
-        """Open the links, find the drone, choose the quickest; raises `LinkError`."""
+        """Open the links, find the drone, and select the fastest link; raises `LinkError`."""
         tasks = await self._ways.open(addresses)
         tasks.append(asyncio.create_task(self._beat()))
         try:
@@ -84,7 +84,7 @@ class DroneFiles:
             )
 
     async def _compare(self, links: int) -> None:
-        """Ping the drone by every link; take the one with the shortest round trip."""
+        """Ping the drone over every link; select the one with the shortest round trip."""
         for number in range(PINGS):
             for link in range(links):
                 ping = dialect.Ping(

@@ -1,11 +1,11 @@
-"""Our own MAVLink FTP client: flights from the drone, over the link that is there.
+"""MAVLink FTP client for flights on the drone.
 
-It asks for bursts and, after each, again for what was lost; goes on where an earlier attempt
-ended; and compares the checksum of the whole file. `FileClient` is pure: give it the replies
-and the time, send what it gives. `uavrt.ground.fetch.drone_files` puts it on links.
+It requests bursts, repeats requests for lost parts, resumes an earlier download, and compares
+the checksum of the whole file. `FileClient` does no I/O: its caller passes in replies and the
+time, and sends the requests. `uavrt.ground.fetch.drone_files` connects it to links.
 
-Whoever answers may not be the drone. Whatever arrives, the client gives up on an answer, burst
-or list after a minute without progress, bounds memory and disk, and replaces a local file only
+The answering system may not be the drone. So the client gives up on an answer, burst or list
+after a minute without progress, and bounds memory and disk use. It replaces a local file only
 with a later state of the same flight (`uavrt.ground.fetch.same_flight`).
 """
 
@@ -25,32 +25,35 @@ from uavrt.mavlink.waiting import within
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)
-"""Wait for a reply [ns]; longer than the queue of a slow radio delays one."""
+"""Wait for a reply before the request is repeated [ns]; the queue of a slow radio delays a
+reply by less."""
 TRIES = 10
 QUIET_NS = ns_from_s(2.0)
 """Silence after which a burst is taken as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
 """Longest duration of a burst [ns]; the part received until then is kept."""
 BURST_BYTES = 1 << 20
-"""Largest part taken from one burst; a longer burst is requested again from there."""
+"""Most bytes accepted from one burst; the rest of a longer burst is requested again."""
 STALL_NS = ns_from_s(60.0)
 LEAST_BYTES, LEAST_ENTRIES = 6000, 30
-"""Bytes, or list entries, that must arrive within `STALL_NS`; the slowest radio brings three
-times as much."""
+"""Least progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest radio
+reaches three times as much."""
 MOST_REPLIES = 4096
 """Most replies queued; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
-"""Tries to get a checksum; a drone computes that of 1 GB in 10 s."""
+"""Most requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
 MOST_GROWTH = 16_000_000
-"""Bytes by which a file may exceed its listed size: its flight may still be recording."""
+"""Bytes by which a file may exceed its listed size, since the drone may still be recording
+it."""
 MOST_BYTES = 2_000_000_000
-"""Largest flight without its recorded samples [bytes]; ten hours with 100 tags have a tenth."""
+"""Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags have a
+tenth of that."""
 ROOM_LEFT = 100_000_000
 """Free space to leave on this computer's disk [bytes]."""
 PART_SUFFIX = ".part"
 MOST_DEEP = 8
-"""Deepest nesting of directories. Our flights have 4; a hostile server could nest without
-end."""
+"""Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest
+without end."""
 MOST_ENTRIES = 20_000
 """Most files and directories in one tree or directory. A flight with 100 tags has 1200."""
 
@@ -61,7 +64,7 @@ class RemoteEntry:
 
     path: str
     size: int | None
-    """Bytes; None for a directory."""
+    """Size of the file [bytes]; None for a directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,15 +73,15 @@ class RemoteTree:
 
     files: tuple[RemoteEntry, ...]
     left_out: int = 0
-    """Files and directories skipped: too deep, too many, or path too long; without their
-    content."""
+    """Number of files and directories skipped because they are too deep, too many, or have too
+    long a path."""
 
 
 class FileClient:
     """One conversation with the drone's file server; raises `LinkError`.
 
     `send`: sends a request of 251 bytes.
-    `unanswered`: called when nothing has arrived for a while, to try another link.
+    `unanswered`: called after a timeout, to try another link.
     """
 
     def __init__(
@@ -151,7 +154,7 @@ class FileClient:
         return RemoteTree(files=tuple(files), left_out=left_out)
 
     async def checksum(self, path: str) -> int:
-        """Get the checksum of a file, computed by the drone."""
+        """Query the checksum of a file, which the drone computes."""
         reply = await self._ask(
             Opcode.CALC_FILE_CRC32, data=path.encode(), tries=CHECKSUM_TRIES
         )
@@ -167,10 +170,10 @@ class FileClient:
         progress: Callable[[int, int], None] = lambda done, size: None,
         allow: Callable[[int], None] = lambda size: None,
     ) -> int:
-        """Read a file from `start` to its end; return its size.
+        """Read a file from byte `start` to its end; return its size.
 
         `write`: gets the bytes in order; must not block.
-        `progress`: gets the bytes received so far and the size.
+        `progress`: gets the number of bytes received so far and the size.
         `allow`: gets the size before anything is read; raises if it is too large.
         """
         opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
@@ -210,7 +213,7 @@ class FileClient:
         return size
 
     async def _burst(self, offset: int, end: int) -> dict[int, bytes]:
-        """Request a burst; store its parts between `offset` and `end` at their places."""
+        """Request a burst, and store its parts from byte `offset` to byte `end`."""
         self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)
@@ -258,14 +261,14 @@ class FileClient:
         raise _silent("the drone's file server")
 
     async def _reply(self, wait_ns: int, until_s: float) -> FtpPacket | None:
-        """Get the next reply; None if none came in time, even amid unrelated ones."""
+        """Get the next reply; None if no matching one arrives in time."""
         left_s = min(wait_ns / NANOSECONDS_PER_SECOND, until_s - monotonic_s())
         return None if left_s <= 0.0 else await within(left_s, self._replies.get())
 
     def _request(
         self, opcode: Opcode, *, data: bytes = b"", offset: int = 0, size: int | None = None
     ) -> bytes:
-        """Write the next request; replies to earlier ones are dropped."""
+        """Encode the next request; replies to earlier requests are dropped."""
         while not self._replies.empty():
             self._replies.get_nowait()
         self._sequence += 1
@@ -302,7 +305,7 @@ class _Pace:
 
 
 def file_request(drone: Peer, payload: bytes) -> FileTransferProtocol:
-    """Address a request to the drone's file server."""
+    """Address an FTP request to the drone's file server."""
     return FileTransferProtocol(
         target_network=0,
         target_system=drone.system_id,
@@ -316,9 +319,9 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Refuse a flight that is implausibly large or does not fit on this disk.
+    """Raise if a flight is implausibly large or does not fit on this disk.
 
-    `samples`: recorded samples, which may have any size, are included.
+    `samples`: the flight includes recorded samples, so any size is plausible.
     """
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
@@ -347,11 +350,11 @@ async def fetch_file(
     place: Path,
     progress: Callable[[int, int], None] = lambda done, size: None,
 ) -> bool:
-    """Fetch one file; False if it was here already.
+    """Fetch one file; return False if it was here already.
 
-    It grows as ``NAME.part`` and gets its name once its checksum is right. An earlier part is
-    continued; if the result is wrong, it is fetched again once from the start. A different
-    local file of that name stays; the new one is then stored as ``NAME.other-1``.
+    The data goes to ``NAME.part``, which is renamed once its checksum is right. An existing
+    part is continued; with a wrong checksum the file is fetched once more from the start. A
+    different local file of that name stays, and the new one is stored as ``NAME.other-1``.
     """
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:
@@ -394,7 +397,7 @@ async def fetch_file(
 
 
 class _Appending:
-    """A growing file, written in another thread; a kill loses nothing that was written."""
+    """File to which a thread appends; a killed program loses nothing already written."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -407,14 +410,14 @@ class _Appending:
         await asyncio.to_thread(self._file.close)
 
     async def write(self, data: bytes) -> None:
-        """Write all of it."""
+        """Write all of the bytes."""
         left = memoryview(data)
         while left:
             left = left[await asyncio.to_thread(self._file.write, left) :]
 
 
 def file_checksum(path: Path) -> int:
-    """Checksum of a file, as the drone computes it."""
+    """Checksum of a local file by the drone's algorithm (MAVLink FTP's CRC-32)."""
     value = 0
     with path.open("rb") as file:
         while part := file.read(1 << 20):
@@ -423,7 +426,7 @@ def file_checksum(path: Path) -> int:
 
 
 def _size(path: Path) -> int | None:
-    """Size of a local file; None without one."""
+    """Size of a local file [bytes]; None if it does not exist."""
     try:
         return path.stat().st_size if path.is_file() else None
     except OSError:
@@ -433,7 +436,8 @@ def _size(path: Path) -> int | None:
 def _entry(directory: str, line: bytes) -> RemoteEntry:
     """Parse one line of a directory listing.
 
-    Names arrive over an open link and become files here: none may lead outside the flight.
+    Names arrive over an open link and become local files: reject any that lead outside the
+    flight.
     """
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name

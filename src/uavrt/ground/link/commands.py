@@ -1,6 +1,6 @@
 """Send the operator's commands to the drone, one at a time, and report progress.
 
-Each command returns a text for the operator, or raises the error of the drone or the link.
+Each command returns a text for the operator, or raises an error of the drone or the link.
 """
 
 import asyncio
@@ -31,8 +31,8 @@ from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.recording.places import Mark, mark_note
 
 _SWITCHED_OFF_S: Final = 300.0
-"""Time without contact after which the drone counts as switched off [s]: a failsafe brings a
-flying drone back earlier."""
+"""Time without contact after which the drone is assumed to be switched off [s]. A flying drone
+would have returned by its failsafe before."""
 
 
 def _parameter(wish: Any) -> tuple[str, float]:
@@ -78,7 +78,7 @@ def _gain_in_words(correction: TagCorrection) -> str:
 
 
 def _place(wish: Any) -> tuple[float, float] | None:
-    """Read the position of a mark, None without one; raises `FormatError`."""
+    """Read the position of a mark; None if the request has none. Raises `FormatError`."""
     if not isinstance(wish, dict) or "latitude_deg" not in wish:
         return None
     place = wish.get("latitude_deg"), wish.get("longitude_deg")
@@ -90,13 +90,13 @@ def _place(wish: Any) -> tuple[float, float] | None:
 
 
 class Commands:
-    """The commands of one vehicle."""
+    """Sends the operator's commands to one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
 
     def by_name(self, body: Any) -> dict[str, Callable[[], Awaitable[str]]]:
-        """List the page's commands by the name of their button; `body` holds their values."""
+        """The page's commands, by the action of their button; `body` holds the values."""
         text = str(body.get("text", "")) if isinstance(body, dict) else ""
         return {
             "send_tags": self.send_tags,
@@ -114,7 +114,7 @@ class Commands:
         return await self.send_tags_by(self._allowed("send_tags"))
 
     async def send_tags_by(self, link: GroundLink) -> str:
-        """Send the tag table, regardless of the state in the last heartbeat."""
+        """Send the tag table whatever state the drone last reported."""
         tags = self._vehicle.store.chosen_tags
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
@@ -122,11 +122,11 @@ class Commands:
             return f"{len(tags)} tags sent"
 
     async def start(self) -> str:
-        """Start detection; the ground begins a flight of its own."""
+        """Start detection and a flight recording on the ground."""
         return await self.start_by(self._allowed("start"))
 
     async def start_by(self, link: GroundLink) -> str:
-        """Start detection, regardless of the state in the last heartbeat."""
+        """Start detection whatever state the drone last reported."""
         settings = self._vehicle.store.settings
         async with self._working("start", "starting"):
             frequency = settings.center_frequency_mhz
@@ -140,7 +140,7 @@ class Commands:
             return directory or "detecting"
 
     async def stop(self) -> str:
-        """Stop detection or capture, regardless of the state in the last heartbeat."""
+        """Stop detection or capture whatever state the drone last reported."""
         if (reason := unreachable(self._vehicle.situation())) is not None:
             raise LinkError(reason)
         link = self._vehicle.connection.link
@@ -161,20 +161,21 @@ class Commands:
             return (await link.command(payload)).message or "capturing"
 
     async def ask(self, button: Button) -> str:
-        """Send a maintenance command, which consists of its number alone."""
+        """Send a maintenance command, which has no values."""
         link = self._allowed(button.action)
         async with self._working(button.action, button.asking):
             return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
     async def correct_tag(self, request: Any) -> str:
-        """Correct a listed tag by a measurement, in the flight and then in the list.
+        """Correct a listed tag by a measurement, on the drone and then in the list.
 
-        ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency; ``"undo": true``
-        restores the values before the last correction.
-        Raises `FormatError`: there is no such tag or sender, or nothing to correct. Raises
-        `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
-        unchanged. Raises `RecordingError`: the list cannot be written; the text says which
-        values the drone uses.
+        ``{"tag_id": …, "frequency_hz": …}`` identifies the measured sender by its frequency;
+        ``"undo": true`` restores the values before the last correction.
+        Raises `FormatError`: no such tag or sender, or nothing to correct.
+        Raises `CommandRefused`, `LinkError`: the drone refused or did not answer; the list is
+        unchanged.
+        Raises `RecordingError`: the list cannot be written; the text says which values the
+        drone uses.
         """
         vehicle, drone, store = self._vehicle, self._vehicle.drone, self._vehicle.store
         correction = _correction(vehicle, request)
@@ -208,7 +209,7 @@ class Commands:
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
-        """Get the link if the drone searches for the tag, or did before contact was lost."""
+        """Link to a drone that searches for the tag, or did before a loss of contact."""
         vehicle, now = self._vehicle, self._vehicle.situation()
         lost = now.state is None and not vehicle.flight.keeper.ended
         lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)
@@ -221,7 +222,7 @@ class Commands:
         return vehicle.connection.link if in_flight else None
 
     async def parameters(self) -> dict[str, float]:
-        """Get the drone's parameters."""
+        """Query the drone's parameters."""
         return await self._allowed("parameters").parameters.list_all()
 
     async def set_parameter(self, wish: Any) -> str:
@@ -235,7 +236,7 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and position (by default the drone's) into the flight."""
+        """Write a remark with time and place (by default the drone's) into the recording."""
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:
@@ -259,7 +260,7 @@ class Commands:
         return note
 
     def _allowed(self, action: str) -> GroundLink:
-        """Get the link if the action is allowed now; raises `CommandRefused`."""
+        """The link, if the action is enabled now; raises `CommandRefused` if not."""
         state = action_states(self._vehicle.situation())[action]
         if not state["enabled"]:
             raise LinkError(str(state["reason"]))

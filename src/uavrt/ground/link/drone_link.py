@@ -1,6 +1,7 @@
-"""The ground's side of the tunnel: find the drone, upload tags, start, stop, receive.
+"""Ground side of the tunnel: find the drone, upload tags, start, stop, receive.
 
-`GroundProtocol` handles the messages and is pure; `GroundLink` puts it on a MAVLink link.
+`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
+MAVLink.
 """
 
 import asyncio
@@ -45,8 +46,7 @@ RECEIPT_POLL_S = 0.05
 class GroundLink:
     """A ground station's link to the drone.
 
-    Whatever is asked of the drone raises `CommandRefused` with the drone's reason, or
-    `LinkError` if it does not answer.
+    Commands raise `CommandRefused` with the drone's reason, or `LinkError` without an answer.
 
     ::
 
@@ -57,20 +57,21 @@ class GroundLink:
         await link.start_detection()
 
     `on_event`: called at once with each event.
-    `generation`: wire format of the drone's software.
-    `system_id`, `component_id`: our own numbers; 254/190, or 255/190 with `as_gcs`.
-    `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on.
-    `ack_wait_s`: how long to wait for each acknowledgement before the command is sent again.
-    `on_frame`: called with every frame of the link, the autopilot's and the radio's too.
-    `receipts`: what the station holds already; without it the drone sends its whole flight.
-    `progress`: how many pulses `on_event` has taken, and the durable ones of these: they are
-    acknowledged, and nothing for which `on_event` raises `RecordingError`. Without it a pulse
-    is acknowledged when `on_event` returns.
-    `key`: what commands and receipts are sealed with, see `uavrt.tunnel.seal`.
-    `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`; then unsigned
-    frames are taken from the autopilot only.
-    `identity`: which vehicle is served; without it the first that is heard.
-    `links`: links that are shared with others, who serve other vehicles on them.
+    `generation`: protocol version of the drone's software.
+    `system_id`, `component_id`: our own ids; 254/190, or 255/190 with `as_gcs`.
+    `as_gcs`: identify as a ground station of type GCS, which the original's drone side
+    requires.
+    `ack_wait_s`: wait for an acknowledgement before the command is repeated [s].
+    `on_frame`: called with every frame of the link, also the autopilot's and the radio's.
+    `receipts`: pulses that the station has stored; None: the drone sends its whole flight.
+    `progress`: returns how many pulses `on_event` has accepted, and how many of them are
+    durable. Durable ones are acknowledged, except those for which `on_event` raised
+    `RecordingError`. None: a pulse is acknowledged when `on_event` returns.
+    `key`: authenticates commands and receipts, see `uavrt.tunnel.seal`.
+    `signing_key`: signs frames, see `uavrt.mavlink.signing`; unsigned frames are then accepted
+    from the autopilot only.
+    `identity`: selects the served vehicle; None: the first one received.
+    `links`: links shared with the sessions of other vehicles.
     """
 
     def __init__(
@@ -131,10 +132,11 @@ class GroundLink:
     async def run(self, *addresses: str) -> None:
         """Serve the links until cancelled.
 
-        `addresses`: links to the same drone, the preferred one first; of several, those that
-        cannot be opened are tried again. None: use the links opened by another session, which
-        sends their heartbeats.
-        Raises `ConfigError`: an address is invalid. Raises `LinkError`: none could be opened.
+        `addresses`: links to the same drone, the preferred one first. Those that cannot be
+        opened are tried again as long as one is open. None: use the links that another session
+        has opened, which also sends their heartbeats.
+        Raises `ConfigError`: an address is invalid.
+        Raises `LinkError`: none could be opened.
         """
         try:
             opening = await self._ways.open(addresses)
@@ -169,7 +171,7 @@ class GroundLink:
         return self.protocol.drone
 
     def _vehicle_id(self) -> int | None:
-        """System number of the served vehicle, once it is known."""
+        """System id of the served vehicle; None until it is known."""
         drone = self.protocol.drone
         return self.protocol.identity.system_id if drone is None else drone.system_id
 
@@ -178,7 +180,7 @@ class GroundLink:
     ) -> None:
         """Send the tag list; each message is acknowledged.
 
-        `tags`: replace those on the drone.
+        `tags`: tags that replace those on the drone.
         `progress`: called with the number of acknowledged messages and their total.
         """
         payloads = self.writing.upload(tags)
@@ -201,7 +203,7 @@ class GroundLink:
         self.protocol.set_tags(tags)
 
     async def correct_tag(self, tag: Tag) -> str:
-        """Replace a tag that is being searched; return the drone's message."""
+        """Replace a tag during detection; return the drone's message."""
         answer = await self.command(self.writing.correction(tag))
         self.protocol.tags[tag.tag_id] = tag
         return answer.message
@@ -209,9 +211,9 @@ class GroundLink:
     async def start_detection(
         self, *, center_frequency_hz: float | None = None, gain: int = 0
     ) -> str:
-        """Start detection; return the drone's message (the flight directory).
+        """Start detection; return the drone's message, which is the flight directory.
 
-        A frequency of None is 0 on the wire: the drone's tuner chooses.
+        A frequency of None is sent as 0: the drone's tuner chooses.
         """
         payload = self.writing.start(center_frequency_hz, gain)
         return (await self.command(payload)).message
@@ -234,7 +236,7 @@ class GroundLink:
         return await self._exchange.motion(payload, request_id)
 
     def send_neighbour(self, neighbour: Neighbour) -> None:
-        """Report another drone to this one, once contact and session exist."""
+        """Report another drone to this one; nothing is sent before contact is made."""
         with contextlib.suppress(LinkError):
             payload = encode_neighbour(neighbour)
             self.send(self.protocol.tunnel_message(payload, NEIGHBOUR_TYPE))
@@ -271,12 +273,12 @@ class GroundLink:
                 self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
 
     def _acknowledge(self) -> None:
-        """Name the pulses that are on the disk in the next receipt."""
+        """Add the pulses that are on the disk to the next receipt."""
         self.protocol.stored(self._progress()[1])
 
 
 def _without_codes(error: LinkError) -> LinkError:
-    """Explain a missing answer about a coded tag: older software lacks the message."""
+    """Explain a missing answer about a coded tag: older software lacks that message."""
     return LinkError(
         f"{error.message}; if it answers otherwise, its software knows no coded tags",
         remedy="Update the drone, give it its list itself with `uavrt run --tags`, or send the "

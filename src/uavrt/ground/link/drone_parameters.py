@@ -1,4 +1,4 @@
-"""List and set the drone's parameters by the MAVLink protocol; sealed if there is a key."""
+"""List and set the drone's parameters by the MAVLink protocol; authenticated with a key."""
 
 import asyncio
 import math
@@ -78,9 +78,9 @@ class DroneParameters:
         raise LinkError("the drone's parameters did not arrive", remedy="Try again")
 
     async def set(self, name: str, value: float) -> float:
-        """Set a parameter; return the value in force then.
+        """Set a parameter; return its value afterwards.
 
-        Raises `CommandRefused`: the drone kept another value; its text says why.
+        Raises `CommandRefused`: the drone kept another value; its status text has the reason.
         """
         drone = self._drone()
         await self._learn_encoding(drone)
@@ -112,7 +112,7 @@ class DroneParameters:
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Requests for all values, or for missing ones; sealed if there is a key."""
+        """Requests for the missing values; authenticated if there is a key."""
         place = {"target_system": drone.system_id, "target_component": drone.component_id}
         sealed = self._protocol.sealed_parameter
         if self._count is None:
@@ -125,7 +125,7 @@ class DroneParameters:
         ]
 
     async def _learn_encoding(self, drone: Peer) -> None:
-        """Query once how integers are encoded, from the autopilot's capability bits."""
+        """Query the autopilot's capability bits, once, for the encoding of integers."""
         for _ in range(TRIES):
             if self._bytewise is not None:
                 return

@@ -1,4 +1,4 @@
-"""Commands and motion orders that wait for the drone's answer."""
+"""Send commands and motion orders, and wait for the drone's answer."""
 
 import asyncio
 import contextlib
@@ -19,17 +19,18 @@ from uavrt.units import ns_from_s, s_from_ns
 ACK_WAIT_S = 2.0
 TRIES = 4
 STOP_WAIT_S = 0.4
-"""Time after which a stop is sent again [s]; on a radio an answer takes 0.3 s or more."""
+"""Time after which an unanswered stop is sent again [s]; over a radio an answer takes at least
+0.3 s."""
 CONFIRMS_WITHIN_NS = ns_from_s(1.0)
-"""Longest delay between the operator's confirmation and its sending [ns]; then it is
-outdated."""
+"""Longest delay between the operator's confirmation and its sending [ns]; a later one is
+dropped."""
 
 
 class Exchange:
-    """Sends one command or order at a time and waits for its answer.
+    """Sends one command or order at a time, and waits for its answer.
 
     Raises `CommandRefused` with the drone's reason, or `LinkError` without an answer.
-    `ack_wait_s`: wait for each acknowledgement before the command is repeated.
+    `ack_wait_s`: wait for an acknowledgement before the command is repeated [s].
     """
 
     def __init__(
@@ -44,12 +45,12 @@ class Exchange:
         self._clock_ns = clock_ns
         self._ack_wait_s = ack_wait_s
         self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
-        """Expected answers, by number and request id of a command, or by the request id of a
-        motion."""
+        """Expected answers. Keys: number and request id of a command, or request id of a motion
+        order."""
         self._busy = asyncio.Lock()
 
     def take(self, event: GroundEvent) -> None:
-        """Match an event with the expected answers."""
+        """Pass an event on to the exchange that waits for it."""
         key: tuple[int, int] | int | None = None
         if isinstance(event, Acknowledged):
             key = event.command, event.request_id
@@ -85,13 +86,13 @@ class Exchange:
         return ack
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send an order of motion, a confirmation or a stop; return the drone's answer.
+        """Send a motion order, a confirmation or a stop; return the drone's answer.
 
         An order and a stop are repeated until they are answered, a stop every 0.4 s. A
-        confirmation is sent once: its nonce is valid once, and one delayed by more than a
-        second is dropped. A stop does not wait for other exchanges.
+        confirmation is sent once, since its nonce is valid once; it is dropped after a delay of
+        a second. A stop does not wait for other exchanges.
 
-        `payload`: made by `uavrt.tunnel.motion`.
+        `payload`: encoded by `uavrt.tunnel.motion`.
         """
 
         def send(_attempt: int) -> None:
@@ -123,7 +124,7 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Send until an answer comes; return it with the number of the try, else None."""
+        """Send until answered; return the answer and the number of tries. None without one."""
         try:
             for attempt in range(tries):
                 awaited = self._awaited[key] = asyncio.get_running_loop().create_future()

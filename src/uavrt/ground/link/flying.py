@@ -1,7 +1,7 @@
-"""Motions of the drone as the page requests them: offers, confirmations, stops.
+"""Request, confirm and stop motions of the drone for the page.
 
-The drone decides and reports what it would fly; this module only passes messages. Previews come
-from the same functions with which the drone plans.
+The drone decides, and reports what it would fly; this module only passes messages. Previews use
+the same functions with which the drone plans.
 """
 
 import asyncio
@@ -27,22 +27,23 @@ from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)
-"""Silence after which the drone's motion state is unknown; it comes once a second."""
+"""Time without a motion report after which the motion is unknown [ns]; the drone reports it
+each second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
-"""Time for which the drone waits for a confirmation [ns]."""
+"""Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")
 Places = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offered:
-    """The motion that the drone offers to fly."""
+    """Motion that the drone proposes to fly, and waits to be confirmed."""
 
     state: MotionState
     way: Places
     time_ns: int
     page: str | None
-    """The page that requested it."""
+    """Name of the page that requested the motion."""
 
 
 class Flying:
@@ -76,7 +77,7 @@ class Flying:
         self._heard_ns, self._told = 0, ("", "")
 
     def record(self) -> dict[str, Any] | None:
-        """State of motion for the page; None if the drone sends none."""
+        """Motion state for the page; None if the drone does not report any."""
         now_ns = self._vehicle.clock.now_ns()
         state = self._state
         if state is None:
@@ -104,7 +105,7 @@ class Flying:
         }
 
     def plan(self, wish: Any) -> dict[str, Any]:
-        """Preview a motion as far as the ground can plan it; the drone is not involved."""
+        """Preview a motion without involving the drone, as far as the ground can plan it."""
         way = self._way(_request(wish))
         home = self._home()
         return {
@@ -116,7 +117,7 @@ class Flying:
         }
 
     async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Request a motion from the drone; return its offer. Nothing moves yet."""
+        """Request a motion; return the drone's proposed order. Nothing moves yet."""
         request = _request(wish)
         way = self._way(request)
         self._offered = None
@@ -128,7 +129,7 @@ class Flying:
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
     async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
-        """Confirm the offer that this page shows: the drone then moves."""
+        """Confirm the order that this page shows; the drone then moves."""
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
@@ -148,7 +149,8 @@ class Flying:
     ) -> dict[str, Any]:
         """Upload a survey to the autopilot as its mission; a pilot starts it.
 
-        `call` runs the check of the path outside the event loop: 1000 corners take seconds.
+        `call`: runs the check of the path outside the event loop, since 1000 corners take
+        seconds.
         """
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
@@ -164,7 +166,7 @@ class Flying:
         return {"items": done.items, "sent_again": done.sent_again}
 
     async def stop(self) -> dict[str, Any]:
-        """Stop the drone and return control; if this raises, a pilot has to stop it."""
+        """Stop the drone and end uavrt's control; if this raises, a pilot must stop it."""
         self._offered = None
         self._vehicle.feed.note(5, "taken back by the operator")
         state = await stop(self._link())
@@ -245,7 +247,7 @@ def area_of_file(wish: Any) -> dict[str, Any]:
 
 
 def _request(wish: Any) -> MotionRequest:
-    """Read a motion request of the page; raises `FormatError` or `UsageError`."""
+    """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
     if not isinstance(wish, dict):
         raise FormatError("a motion must be an object")
     height = wish.get("height_m")
@@ -294,7 +296,7 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
 
 
 def places_in(given: Any) -> Places:
-    """Read positions, latitude and longitude [deg] each; raises `FormatError`."""
+    """Read a list of [latitude, longitude] in degrees; raises `FormatError`."""
     places = []
     for one in given if isinstance(given, list) else [None]:
         match one:
@@ -308,14 +310,14 @@ def places_in(given: Any) -> Places:
 
 
 def _tags(given: Any) -> tuple[int, ...]:
-    """Read the ids of the tags to search for; none given: all listed ones."""
+    """Read the ids of the tags to search for; all listed tags if none is given."""
     if isinstance(given, list) and all(type(one) is int for one in given):
         return tuple(given)
     raise FormatError("tags must be whole numbers")
 
 
 def number_in(wish: dict[str, Any], name: str, default: float) -> float:
-    """Read a finite number by its name; raises `FormatError`."""
+    """Read the finite number of a given name; raises `FormatError`."""
     value = wish.get(name, default)
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:

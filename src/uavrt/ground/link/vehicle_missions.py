@@ -1,7 +1,7 @@
-"""Upload surveys to the autopilot as its mission, and read its fence, over the ground's link.
+"""Upload surveys as missions to the autopilot, and read its fence, over the ground's link.
 
-An uploaded mission moves nothing until a pilot starts it. While the vehicle flies a mission,
-uploads are refused because they would change its path.
+An uploaded mission moves nothing until a pilot starts it. Uploads are refused while the vehicle
+flies a mission, since they would change its path.
 """
 
 import asyncio
@@ -33,18 +33,18 @@ from uavrt.messages import VehicleFence
 POLL_S = 0.05
 HOME_WITHIN_S, ASKS_EVERY_S = 8.0, 1.0
 HEARD_WITHIN_S = 5.0
-"""Longest gap between heartbeats [s]. They come each second; at a loss of a fifth, four in a
+"""Longest gap between heartbeats in contact [s]. They come each second; at 20 % loss, four in a
 row are lost once in ten minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uploaded:
-    """A mission that the vehicle holds, as read back."""
+    """A mission as read back from the vehicle after an upload."""
 
     items: int
     sent_again: int
     strange: int
-    """Messages received but not used."""
+    """Number of messages received during the upload and not used."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class VehicleMissions:
 
     Raises `CommandRefused` if the vehicle flies a mission, is unknown or refuses, and
     `LinkError` if it does not answer.
-    `system_id`: number of the served vehicle; None while unknown.
+    `system_id`: returns the served vehicle's system id; None while unknown.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class VehicleMissions:
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
         self._homes: dict[int, tuple[float, float]] = {}
-        """Home positions reported since the last request."""
+        """Home positions received since the last request."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -107,9 +107,9 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Upload a survey that stays within the fence and returns within it.
+        """Upload a survey, if it stays within the fence and the drone returns within it.
 
-        `call` runs the check of the path outside the event loop.
+        `call`: runs the check of the path outside the event loop.
         """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
@@ -136,7 +136,7 @@ class VehicleMissions:
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
-        """Replace the vehicle's mission, and read it back."""
+        """Replace the vehicle's mission, read it back and compare."""
         async with self._busy:
             peer, manners = self._vehicle()
             self._check_mode(manners)

@@ -1,9 +1,9 @@
-"""Limit open connections to the page: per client, and those without a request.
+"""Limit the page's open connections: per client, and those without a request.
 
-The page shares its process with the drone's link and the flight's files, so connections may use
-only a part of the file descriptors, and each client only some of that. A connection without a
-complete request is closed within seconds. If a client has too many, its oldest idle one is
-closed for its newest.
+The page shares its process with the drone's link and the flight's files. So its connections may
+use only part of the file descriptors, and each client only part of those. A connection without
+a complete request is closed within seconds. A client's new connection beyond its limit closes
+its oldest idle one.
 """
 
 import asyncio
@@ -19,20 +19,21 @@ from uavrt.clock import monotonic_s
 
 MOST_CONNECTIONS = 256
 MOST_BY_CLIENT = 64
-"""Most connections per client; a browser keeps some ten open for each page."""
+"""Most connections of one client; a browser keeps some ten open per page."""
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Connections may use one in this many file descriptors; link and flight have the others."""
+"""Connections may use one in this many file descriptors; the rest is left to link and
+flight."""
 _AT_ONCE = 16
-"""Most connections accepted per turn of the event loop."""
+"""Most connections accepted in one turn of the event loop."""
 
 Peer = tuple[str, int]
 
 
 @dataclass(slots=True, eq=False)
 class _Connection:
-    """An open connection."""
+    """An open connection of a client."""
 
     socket: socket.socket
     since_s: float = field(default_factory=monotonic_s)
@@ -40,14 +41,14 @@ class _Connection:
 
 
 class _Counted(socket.socket):
-    """A connection's socket that reports when it is closed."""
+    """Socket that calls `on_close` when it is closed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.on_close: Any = None
 
     def close(self) -> None:
-        """Close it."""
+        """Close the socket, and report that once."""
         super().close()
         done, self.on_close = self.on_close, None
         if done is not None:
@@ -63,10 +64,10 @@ class ListeningSocket(socket.socket):
         self._taken = 0
         self.most = MOST_CONNECTIONS
         self.refused = 0
-        """Connections that were closed at once or to make room for others."""
+        """Number of connections closed because of the limits."""
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection within the limits; raises `BlockingIOError`."""
+        """Accept the next connection within the limits; raises `BlockingIOError` if none."""
         self._taken += 1
         try:
             if self._taken > _AT_ONCE:
@@ -86,19 +87,19 @@ class ListeningSocket(socket.socket):
         return taken, address
 
     def asked(self, peer: Peer) -> None:
-        """Record that a complete request has arrived."""
+        """Record that a client's connection has sent a complete request."""
         if (one := self._open.get(peer)) is not None:
             one.has_asked = True
 
     def close_silent(self) -> None:
-        """Close connections without a request in time, including incomplete TLS handshakes."""
+        """Close connections whose request or TLS handshake is not complete in time."""
         before_s = monotonic_s() - SILENT_S
         for peer, one in list(self._open.items()):
             if not one.has_asked and one.since_s < before_s:
                 self._end(peer, one)
 
     def _make_room(self, host: str) -> bool:
-        """True if a client may open one more, perhaps by closing an idle one."""
+        """True if a client may open one more connection; may close an idle one for that."""
         of_client = [item for item in self._open.items() if item[0][0] == host]
         if len(of_client) >= MOST_BY_CLIENT:
             return self._end_oldest(of_client)
@@ -112,7 +113,7 @@ class ListeningSocket(socket.socket):
         return False
 
     def _end(self, peer: Peer, one: _Connection) -> None:
-        """Shut a connection; the event loop then closes it."""
+        """Shut a connection down; the event loop then closes it."""
         self.refused += 1
         self._forget(peer, one)
         with contextlib.suppress(OSError):
@@ -124,7 +125,7 @@ class ListeningSocket(socket.socket):
 
 
 class AskingProtocol(H11Protocol):
-    """HTTP that reports to its listening socket which connections have made a request."""
+    """HTTP protocol that reports complete requests to its listening socket."""
 
     doors: ListeningSocket | None = None
 
@@ -145,13 +146,13 @@ class AskingProtocol(H11Protocol):
 
 
 def protocol_of(doors: ListeningSocket) -> type[AskingProtocol]:
-    """Make the protocol of a listening socket's connections."""
+    """Make the protocol class for the connections of a listening socket."""
     return type("AskingProtocol", (AskingProtocol,), {"doors": doors})
 
 
 @contextlib.contextmanager
 def doors_watched(doors: ListeningSocket) -> Iterator[None]:
-    """Close silent connections within this context, and reserve descriptors for the rest."""
+    """Context that closes silent connections and limits descriptors used by connections."""
     doors.most = min(MOST_CONNECTIONS, max(8, _descriptors() // _SHARE_OF_FILES))
     watching = asyncio.get_running_loop().create_task(_watch(doors))
     try:
@@ -167,7 +168,7 @@ async def _watch(doors: ListeningSocket) -> None:
 
 
 def _descriptors() -> int:
-    """Number of descriptors for this process, raised to the system's limit."""
+    """Raise this process's limit of file descriptors to the system's; return it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,4 +1,4 @@
-"""Maps of where a tag would be detected along a plan, as ``uavrt coverage PLAN`` makes them."""
+"""Maps of where a tag would be detected along a planned path, as by ``uavrt coverage PLAN``."""
 
 import math
 from dataclasses import dataclass, replace
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
 _LEVEL_SIGMA_DB = 3.0
-"""Uncertainty of the tag's level [dB]; the default of `uavrt coverage`."""
+"""Uncertainty of the tag's power [dB]; the default of `uavrt coverage`."""
 _MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
 _FARTHEST_M = 50_000.0
-"""Largest distance from the first point of a plan [m]."""
+"""Largest distance of a plan's points from its first point [m]."""
 _MOST_CELLS = 45_000
-"""Most cells of a map. A small one has squares of 20 m and a margin of 2 km, as in `uavrt
-coverage`."""
+"""Most cells of a map. Maps below the limit have cells of 20 m and a margin of 2 km, as in
+`uavrt coverage`."""
 _MOST_PULSES = 20_000
-"""Most pulses of all heights together; more would take minutes."""
+"""Most simulated pulses for the maps of all heights; more would take minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foresight:
-    """A request for maps of a plan."""
+    """Requested maps of a plan."""
 
     places: tuple[tuple[float, float], ...]
     """Latitude and longitude of each point [deg]."""
     spacing_m: float | None
     """Spacing of the lines over an area [m]; None: the points are a path."""
     heights_m: tuple[float, ...]
-    """Heights above the ground [m]."""
+    """Flight heights above the ground, one per map [m]."""
     speed_m_s: float
     tag: Tag
     listed: bool
-    """True if the table has the tag."""
+    """True for a tag of the table, False for an assumed tag."""
     tag_power_dbm: float
     antenna: AntennaChoice
 
@@ -55,7 +55,7 @@ class Foresight:
     def asked(
         cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
     ) -> "Foresight":
-        """Check a page's request; raises `FormatError` or `UsageError`."""
+        """Read a page's request; raises `FormatError` or `UsageError`."""
         from uavrt.analysis.coverage import assumed_tag
 
         if not isinstance(wanted, dict):
@@ -76,7 +76,7 @@ class Foresight:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Foreseen:
-    """Maps of a plan, one for each height."""
+    """Coverage maps of a plan, one per height."""
 
     asked: Foresight
     maps: "tuple[Coverage, ...]"
@@ -84,12 +84,12 @@ class Foreseen:
 
 
 def foresight_desk() -> MapDesk[Foresight, Foreseen]:
-    """Make the desk that computes maps of plans."""
+    """Make the `MapDesk` that computes maps of plans."""
     return MapDesk(_made, _record, "map of a plan")
 
 
 def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
-    """Points of a path or of an outline, and the spacing of the lines over it."""
+    """Points of a path or of an outline, and the line spacing in an outline [m]."""
     way, outline = wanted.get("way"), wanted.get("outline")
     if (way is None) == (outline is None):
         raise FormatError("a plan must be either a path or an outline")
@@ -190,7 +190,7 @@ def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
 
 
 def _size(wide_m: float, high_m: float) -> "MapSize":
-    """Size of the squares: as in `uavrt coverage`, larger if there would be too many."""
+    """Size of a map's cells: as in `uavrt coverage`, but larger if there would be too many."""
     from uavrt.analysis.coverage import MapSize
 
     size = MapSize()

@@ -1,7 +1,7 @@
-"""Results about a whole flight after it: verdicts from its samples, and maps of silence.
+"""Results about a whole flight after its end: tags found in its samples, and coverage maps.
 
-Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_desk` makes the map
-of where a tag would have been detected; the page polls until it is ready.
+Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_desk` makes the
+coverage map; the page polls until it is ready.
 """
 
 import math
@@ -26,7 +26,7 @@ _MOST_CORNERS = 500
 
 
 def integrated_record(flight: Path) -> Record:
-    """Verdicts of a whole flight, and the pulses found afterwards, thinned evenly."""
+    """Record of a whole flight's results, with the pulses found afterwards, thinned evenly."""
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
     step = max(1, math.ceil(len(placed) / _MOST_PULSES))
@@ -47,7 +47,7 @@ def integrated_record(flight: Path) -> Record:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silence:
-    """A request for a map of where a tag would have been detected."""
+    """Requested map of where a tag would have been detected."""
 
     flight: Path
     tag_id: int
@@ -56,7 +56,7 @@ class Silence:
 
     @classmethod
     def asked(cls, flight: Path, antenna: AntennaChoice, wanted: object) -> "Silence":
-        """Check a page's request; raises `FormatError` or `UsageError`."""
+        """Read a page's request; raises `FormatError` or `UsageError`."""
         if not isinstance(wanted, dict):
             raise FormatError("a question must be an object")
         tag_id = wanted.get("tag_id")
@@ -74,7 +74,7 @@ class SilenceDesk(MapDesk[Silence, "SilentMap"]):
         super().__init__(_made, _record, "map of silence")
 
     def absence(self, asked: Silence, wanted: object) -> Record:
-        """Report the probability that an undetected tag is outside an outline."""
+        """Probability that an undetected tag is outside an outline, as a record."""
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.coverage import inside
         from uavrt.planning.area import Polygon

@@ -1,6 +1,7 @@
-"""The ground station on HTTP and WebSocket: sockets, guard, page; the routes are in `api`.
+"""HTTP and WebSocket server of the ground station: sockets, guard, page.
 
-Imported only for ``uavrt ground`` with a page: it needs the extra ``uavrt[ground]``.
+The routes are in `api`. Imported only for ``uavrt ground`` with a page: it needs the extra
+``uavrt[ground]``.
 """
 
 import asyncio
@@ -52,24 +53,26 @@ works; scripts can use <a href="/api/state">/api/state</a> and its neighbours.</
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerSettings:
-    """Address, access and files of the page's server."""
+    """Address, access control and files of the page's server."""
 
     host: str = "127.0.0.1"
     port: int = DEFAULT_PORT
-    """Port; 0 takes any free one."""
+    """TCP port; 0 takes any free one."""
     names: frozenset[str] = frozenset()
     """Host names accepted in requests, in addition to the local ones."""
     password: str | None = None
     certificate: Path | None = None
     key: Path | None = None
     access_point: str | None = None
-    """How phones join this computer's own Wi-Fi: ``WIFI:T:WPA;S:name;P:password;;``."""
+    """Text by which phones join this computer's own Wi-Fi:
+    ``WIFI:T:WPA;S:name;P:password;;``."""
     drone_settings: Path | None = None
-    """``uavrt.toml`` of the drone side on this computer, which the page may set up."""
+    """Path of the ``uavrt.toml`` of the drone side on this computer, which the page may set
+    up."""
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:
-    """Bind the server's socket, so that a busy port is reported before anything starts."""
+    """Bind the server's socket; a busy port is reported before anything starts."""
     _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     sock = ListeningSocket(family)
@@ -90,7 +93,7 @@ def listening_socket(settings: ServerSettings) -> ListeningSocket:
 
 
 def _check_certificate(settings: ServerSettings) -> None:
-    """Refuse a certificate or key that cannot be used, before anything starts."""
+    """Raise `ConfigError` for an unusable certificate or key, before anything starts."""
     if settings.certificate is None:
         if settings.key is not None:
             raise ConfigError("a key without a certificate", remedy="Also give --certificate")
@@ -113,21 +116,21 @@ def _check_certificate(settings: ServerSettings) -> None:
 
 
 def _no_pass_phrase() -> str:
-    """Prevent OpenSSL from prompting for a pass phrase at the terminal."""
+    """Raise `ConfigError`, so that OpenSSL does not prompt for a pass phrase."""
     remedy = "Write it without one: openssl pkey -in KEY -out NEW"
     raise ConfigError("the page's key has a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):
-    """Uvicorn that leaves signals to the caller."""
+    """Uvicorn server that leaves signals to the caller."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture no signals: ``uavrt ground`` stops everything in its order."""
+        """Capture no signals, since ``uavrt ground`` handles them."""
         yield
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
-        """Serve the page, with limited connections per client."""
+        """Serve the page, with a limited number of connections per client."""
         entrance = sockets[0] if sockets else None
         assert isinstance(entrance, ListeningSocket)
         self.config.http = protocol_of(entrance)
@@ -160,7 +163,7 @@ def page_server(fleet: Fleet, settings: ServerSettings) -> PageServer:
 def application(
     session: GroundSession, settings: ServerSettings, fleet: Fleet | None = None
 ) -> Starlette:
-    """Make the web application of a session, and of the other vehicles of its fleet."""
+    """Make the web application of a session and of the further vehicles of its fleet."""
     worker = ForeignWorker()
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
     routes = _routes(session, worker, settings.drone_settings)
@@ -212,7 +215,7 @@ def _routes(
 
 
 def _with_flights_written(session: GroundSession, handler: Handler) -> Handler:
-    """Write pending flights to disk before the handler runs, unless the disk is slow."""
+    """Write pending flights to disk before a handler runs, unless the disk is slow."""
 
     async def handle(request: Request) -> Any:
         vehicles = (session.vehicle, *session.vehicle.companions)
@@ -232,7 +235,7 @@ class FurtherVehicles:
         self._made: dict[int, tuple[GroundSession, Starlette]] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on to its vehicle."""
+        """Pass a request on to its vehicle's application."""
         number = int(scope["path_params"]["number"])
         session = self._fleet.session(number)
         if session is None:
