@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
 _STOPPED = "stopped: the same command goes on from here"
 _END_S = 0.5
-"""Time to end in good order after Ctrl-C, and again until the process is ended."""
+"""Time to end cleanly after Ctrl-C; after twice this time the process is ended [s]."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 
 
@@ -168,7 +168,7 @@ def batch(
 
 
 def _leave(status: int) -> NoReturn:
-    """End at once: threads of libraries (Dask's) may take seconds to end."""
+    """End the process at once: threads of libraries such as Dask may take seconds to end."""
     sys.stderr.flush()
     os._exit(status)
 
@@ -203,7 +203,7 @@ def _print_damage(name: str, fault: str) -> None:
 
 
 def _print_skipped(found: "Found") -> None:
-    """Name each folder that cannot be read, and other files by their endings."""
+    """Print the folders that cannot be read, and the endings of other skipped files."""
     if found.kept_channels:
         files = counted(found.kept_channels, "file")
         print(f"{files} of kept channels passed over", file=sys.stderr)

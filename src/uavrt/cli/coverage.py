@@ -190,7 +190,7 @@ def _check_used(
     tags: Path | None,
     ids: tuple[int, ...],
 ) -> None:
-    """Reject options without effect; raises `ConfigError`."""
+    """Reject options that would have no effect; raises `ConfigError`."""
     if source.is_dir():
         refuse(of_plan, "is of a plan, and a flight has its own")
         refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")

@@ -13,7 +13,7 @@ from uavrt.recording.flight_reader import read_flight
 
 
 def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> list[MappedTag]:
-    """Coverage maps of a flight, for each tag."""
+    """Compute the coverage map of a flight for each tag."""
     flight = read_flight(asked.source)
     way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
     known = list(flight.info.tags if tags is None else read_tags(tags))

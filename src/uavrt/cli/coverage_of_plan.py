@@ -21,7 +21,7 @@ _CELL_M = 20.0
 
 
 def maps_of_plan(asked: Asked, tags: "list[Tag]") -> list[MappedTag]:
-    """Coverage maps of a plan, for each tag and height."""
+    """Compute the coverage map of a plan for each tag and height."""
     antenna = asked.antenna or MONOPOLE
     pattern = pattern_named(antenna)
     plane, corners = read_places(asked.source, asked.spacing_m)

@@ -97,7 +97,7 @@ def autopilot_findings(
     mavlink: str | None,
     fix: bool,
 ) -> Iterable[Finding]:
-    """Check the autopilot's parameters, unless the link is in use."""
+    """Check the autopilot's parameters, unless another program uses the link."""
     address = mavlink or settings.mavlink.address
     if not address:
         raise UsageError("no autopilot is configured", remedy="Give its link with --mavlink")

@@ -1,4 +1,4 @@
-"""The option ``--dem`` of commands that consider hills."""
+"""The option ``--dem`` of commands that take hills into account."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
-    """Open elevation files; None where none are named.
+    """Open elevation files; None if none are given.
 
     Raises `ConfigError`: water is given, but no elevation file.
-    Raises `FormatError`: there are none, or one is cut off, damaged or unsupported.
+    Raises `FormatError`: a file is missing, truncated, damaged or unsupported.
     """
     if dem is None and sea:
         raise ConfigError(

@@ -33,7 +33,7 @@ from uavrt.ground.fetch.sample_files import BAND, CHANNELS, is_samples, sample_p
 from uavrt.mavlink.signing import read_signing_key
 
 WIFI_BYTES_PER_S, RADIO_BYTES_PER_S = 500e3, 3e3
-"""Approximate file transfer rates of MAVLink FTP over Wi-Fi, and at 57600 baud."""
+"""Usual rates of a file transfer by MAVLink FTP, over Wi-Fi and at 57600 baud [bytes/s]."""
 SAMPLE_NAMES = {"channels of the tags (--samples)": CHANNELS, "other samples (--all)": BAND}
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 
@@ -118,7 +118,7 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """Files of a flight, the newest when none is named; small ones first."""
+    """List the files to fetch, small ones first; without a name, those of the newest flight."""
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)

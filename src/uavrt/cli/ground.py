@@ -29,11 +29,11 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 LOOPBACK = "127.0.0.1"
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 LAST_THREADS_S = 1.5
-"""Time to wait for working threads after all else has ended [s]."""
+"""Longest wait for worker threads after everything else has ended [s]."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
 ACCESS_POINT = "UAVRT_ACCESS_POINT"
-"""Environment variable with the text of this computer's Wi-Fi QR code, by which a phone
-joins."""
+"""Environment variable with the text of a QR code, by which a phone joins this computer's
+Wi-Fi."""
 
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -214,7 +214,7 @@ def _run(make: Callable[[], Station], lines: TerminalLines) -> None:
 
 
 def _let_out(lines: TerminalLines) -> None:
-    """Print the last lines; end at once where the terminal accepts none."""
+    """Print the last lines; end the program at once if the terminal accepts none."""
     if not lines.close():
         os._exit(0 if sys.exc_info()[0] is None else 1)
 
@@ -235,7 +235,7 @@ async def _serve(
 
 
 def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None:
-    """End the program if the event loop keeps waiting for its threads."""
+    """End the program if its event loop still waits for threads."""
     if ended.wait(LAST_THREADS_S):
         return
     lines.close()
@@ -243,7 +243,7 @@ def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None
 
 
 def _on_signals(stop: Any) -> None:
-    """Have Ctrl-C and SIGTERM stop in order."""
+    """Let Ctrl-C and SIGTERM stop the station cleanly."""
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         try:
@@ -266,7 +266,7 @@ def _ground_extra() -> Any:
 
 
 def _opening(show: Any) -> Any:
-    """Open a browser when the page is ready and this computer has a screen."""
+    """Open a browser once the page is ready, if this computer has a screen."""
 
     def show_and_open(event: dict[str, Any]) -> None:
         show(event)
@@ -277,7 +277,7 @@ def _opening(show: Any) -> Any:
 
 
 def _text_of(event: dict[str, Any]) -> str | None:
-    """Text of an event for a person; None for an event that is not shown."""
+    """Describe an event for a person; None for an event that is not shown."""
     match event:
         case {"event": "page", "address": address}:
             return f"The page is at {address} – Ctrl-C ends"
@@ -317,7 +317,7 @@ def _text_of(event: dict[str, Any]) -> str | None:
 
 
 def _refuse_unused(**given: bool) -> None:
-    """Reject options that need a page, where there is none; raises `ConfigError`."""
+    """Reject options that need a page when there is none; raises `ConfigError`."""
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(

@@ -214,7 +214,7 @@ def _tracked(
     clock_offset: float | None,
     yaw_offset: float,
 ) -> "tuple[list[Flight], tuple[str, ...]]":
-    """Make a flight of a track; also returns remarks on missing data."""
+    """Build a flight from a track; also returns remarks on missing data."""
     from uavrt.analysis.tracks.flown import flight_of_track
     from uavrt.analysis.tracks.recognised import read_track
 
@@ -238,7 +238,7 @@ def _tracked(
 
 
 def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
-    """Name of the pattern, requested or of all flights; and whether it is assumed."""
+    """Name of the antenna pattern for all flights, and whether it was assumed."""
     from uavrt.analysis.flown_with import antenna_is_recorded, flight_antenna
     from uavrt.analysis.measure.antenna_files import antenna_named
 
@@ -266,11 +266,11 @@ class _Asked:
 
 
 _Results = list[tuple[dict[str, Any], str]]
-"""JSON record and sentence of each tag."""
+"""JSON record and sentence for each tag."""
 
 
 def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[bool, _Results]:
-    """Judge one flight; returns if any tag was found, and the results."""
+    """Judge one flight; return whether any tag was found, and the results."""
     from uavrt.cli.integrated_words import record, sentence
 
     with progress_bars() as add_bar:
@@ -292,7 +292,7 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
 def _together(
     asked: _Asked, flights: "list[Flight]", listed: "Sequence[Tag] | None", ids: tuple[int, ...]
 ) -> tuple[bool, _Results]:
-    """Judge several flights, tag by tag, since the energies of all would not fit in memory."""
+    """Judge several flights together, one tag at a time to save memory."""
     from uavrt.analysis.several_flights import common_tags, judge_together, share_alone
     from uavrt.cli.integrated_words import record_of_flights, sentence_of_flights
 
@@ -352,7 +352,7 @@ def _judged(
 
 
 def _check_unused_options(opened: dict[str, Any]) -> None:
-    """Reject options that the kept channels determine; raises `ConfigError`."""
+    """Reject options that the kept channels override; raises `ConfigError`."""
     options = {
         "format_name": "--format",
         "sample_rate_hz": "--sample-rate",
@@ -370,7 +370,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 def _silent(
     asked: _Asked, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
-    """Coverage maps of tags that were not found, by tag; problems are printed."""
+    """Coverage map of each tag that was not found, by tag id; problems are printed."""
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.silence import silent_maps
 
@@ -402,9 +402,7 @@ def _keep(
     silent: "dict[int, SilentMap]",
     plot: Path | None,
 ) -> dict[int, list[Path]]:
-    """Write results into the flight's folder, pictures and maps, as requested; returns the
-    maps.
-    """
+    """Write results, pictures and maps into the flight's folder, as requested; return maps."""
     from uavrt.analysis.coverage_files import write_silence
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.hindsight import save_integrated
@@ -429,7 +427,7 @@ def _keep(
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    """Select the requested tags; raises `ConfigError` if one is not listed, or none is."""
+    """Select the requested tags; raises `ConfigError` if one is not listed, or none is left."""
     if not known:
         raise ConfigError(
             "there are no tags to search for", remedy="Name a tag file with --tags"
@@ -444,9 +442,9 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
-    """Find a flight's recording of the band; None when its kept channels suffice.
+    """Find the flight's recording of the full band; None if its kept channels suffice.
 
-    Raises `ConfigError`: it kept no samples, or several recordings.
+    Raises `ConfigError`: the flight has no samples, or several recordings.
     """
     from uavrt.analysis.kept_samples import channel_of, kept_channels
     from uavrt.recording.layout import FlightLayout

@@ -21,11 +21,11 @@ def print_json(value: object, *, indent: int = 0) -> None:
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:
     """Reject an output that is one of the inputs, before it is opened and thereby emptied.
 
-    For a SigMF recording both files count when one is named.
+    For a SigMF recording, both of its files are protected.
 
     `output`: file to be written; it need not exist.
-    `inputs`: files that are read; None and other values are skipped.
-    Raises `ConfigError`: it is one of them, by whatever name.
+    `inputs`: files that are read; None and values that are no paths are skipped.
+    Raises `ConfigError`: the output is an input, by whatever name.
     """
     target = Path(output)
     if not target.is_file():
@@ -40,10 +40,10 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
 
 
 def check_place(output: Path, *, overwrite: bool = False) -> None:
-    """Reject a path where a file cannot be written, before the work that fills it.
+    """Reject a path where a file cannot be written, before the work starts.
 
     `output`: the file to be written.
-    `overwrite`: it may exist already.
+    `overwrite`: the file may exist already.
     Raises `ConfigError`: the text gives the reason.
     """
     if output.is_dir():
@@ -59,7 +59,7 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 
 
 def make_directory(path: Path, option: str) -> None:
-    """Make a directory to write into, before the work that fills it.
+    """Make a directory for output, before the work starts.
 
     Raises `ConfigError`: it cannot be made or written; `option` is its option's name.
     """

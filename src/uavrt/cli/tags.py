@@ -218,7 +218,7 @@ def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
 
 
 def _databases(path: Path) -> dict[str, str]:
-    """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` in its folder, by name."""
+    """Texts of ``TagInfo.db`` and of ``TagManufacturer.db`` in the same folder, by name."""
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
         with os_errors_as(
@@ -231,7 +231,7 @@ def _databases(path: Path) -> dict[str, str]:
 
 
 def _warn_of_unselected(path: Path) -> None:
-    """Name the tags that TagTracker does not search for: our tag files have no such mark."""
+    """Print the tags that TagTracker does not search for, since our tag files do."""
     from uavrt.ground.store.tag_table import not_selected
 
     left_out = not_selected(_databases(path)) if path.suffix.lower() == ".db" else None
@@ -345,7 +345,7 @@ def _code_lines(tag_id: int, code: "MeasuredCode") -> list[str]:
 
 
 def _with_sigma(number: float, sigma: float) -> str:
-    """Write a number and its standard deviation to two digits of that, at least 0.01."""
+    """Format a number with its standard deviation, to two digits of the latter."""
     digits = 2
     while digits < 6 and round(sigma, digits) < 9.5 * 10.0**-digits:
         digits += 1
@@ -353,7 +353,7 @@ def _with_sigma(number: float, sigma: float) -> str:
 
 
 def _check_center(center_frequency_hz: float | None) -> None:
-    """Reject megahertz typed for hertz before the work."""
+    """Reject megahertz typed for hertz, before the work starts."""
     from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 
     if center_frequency_hz is not None and not (
@@ -384,7 +384,7 @@ def _numbered(name: str | None, count: int) -> "list[str | None]":
 
 @contextmanager
 def _reporting(faults: list[UavrtError]) -> Iterator[None]:
-    """Report faults of the recording even when another error ends the work."""
+    """Print faults of the recording, even when another error ends the work."""
     try:
         yield
     except UavrtError:
@@ -416,7 +416,7 @@ def _rate_lines(rate: "MeasuredRate") -> list[str]:
 
 
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
-    """Report which tags of one band may be confused, and how to separate them."""
+    """Print which tags of one band may be confused, and how to separate them."""
     from uavrt.config.code_rules import words_of_near_codes
     from uavrt.config.settings import DetectionSettings
     from uavrt.config.tag_bands import tags_by_band

@@ -1,4 +1,4 @@
-"""Secrets in files that only their owner may read."""
+"""Read secret keys from files that only their owner may read."""
 
 import os
 import stat
@@ -11,11 +11,11 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 
 
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
-    """Read a secret written as hexadecimal digits.
+    """Read a secret key written as hexadecimal digits.
 
-    `what`: name of the file in messages: ``key file``.
-    `least`, `most`: bytes that the secret may have.
-    Raises `FormatError`: it is a pipe or far too large.
+    `what`: name of the file in messages, such as ``key file``.
+    `least`, `most`: allowed length of the key [bytes].
+    Raises `FormatError`: the path is a pipe, or far too large.
     Raises `ConfigError`: there is no such file, other users may read or change it, or it does
     not hold that many hexadecimal digits.
     """

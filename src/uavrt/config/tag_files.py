@@ -1,4 +1,4 @@
-"""Tag files: read any format and report all faults at once; write two formats."""
+"""Read tag files of any format, with all faults at once; write two formats."""
 
 import os
 import re
@@ -35,10 +35,10 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
 
 
 def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
-    """Read tags from a file's bytes; `name` is for messages and determines the format.
+    """Read tags from a file's bytes; `name` is for messages and selects the format.
 
     A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes. Other files are
-    recognised by a line that begins with ``[``, or a heading with gaps.
+    recognised by a line that begins with ``[``, or by a heading with gaps.
     Raises `TagFileError`: the file has faults.
     """
     try:
@@ -58,7 +58,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """Reader for a text: by its name, else by a line that no other format has."""
+    """Select the reader of a text: by its name, else by a line that no other format has."""
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_code_csv(text):
@@ -68,9 +68,9 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags from elsewhere by the rules of tag files; empty when all are good.
+    """Check tags by the rules of tag files; empty if all are valid.
 
-    `tags`: from a measurement, another program's file, or a wire.
+    `tags`: tags from a measurement, another program's file, or the radio.
     """
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
@@ -151,7 +151,7 @@ def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
 
 
 def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
-    """Write tags: ``tags.toml`` when the name ends in ``.toml``, ``TagInfo.txt`` in ``.txt``.
+    """Write tags as ``tags.toml`` or ``TagInfo.txt``, depending on the name's ending.
 
     Raises `ConfigError`: the name is not that of a tag file, ``TagInfo.txt`` cannot hold a tag
     with two intervals, or the file cannot be written.
