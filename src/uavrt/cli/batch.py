@@ -114,7 +114,7 @@ def batch(
     _print_skipped(found)
     if not found.recordings and not found.flights:
         raise UsageError(
-            "there is no recording and no flight",
+            "no recording or flight was found",
             remedy="Name files, or folders that hold recordings or flights",
         )
     print(

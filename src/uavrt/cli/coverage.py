@@ -206,7 +206,7 @@ def _check_used(
         refuse(of_one_tag, "is of a tag without a list, and --tags has its own")
     elif ids:
         raise ConfigError(
-            f"there is no list to choose --tag {ids[0]} from",
+            f"--tag {ids[0]} needs a list of tags",
             remedy="Name the tag file with --tags, or leave --tag out",
         )
 

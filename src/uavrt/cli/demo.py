@@ -80,7 +80,7 @@ def demo(
     """
     if drones > 1 and picture is not None:
         raise UsageError(
-            "there is no picture of several drones", remedy="Leave out --drones, or --picture"
+            "--picture does not work with --drones", remedy="Leave one of them out"
         )
     if search:
         limit_s = duration or SEARCH_S

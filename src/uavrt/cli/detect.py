@@ -324,7 +324,7 @@ def _pulse_output(name: str, *, bursts: bool) -> Iterator[Write]:
     """Open the output at once, so that a wrong path is reported before the work starts."""
     if Path(name).suffix.lower() in (".xls", ".xlsx", ".ods"):
         raise ConfigError(
-            f"{name} would be a spreadsheet file",
+            f"{name} has the ending of a spreadsheet file, which uavrt does not write",
             remedy="Write .csv, which every spreadsheet opens",
         )
     with _naming_faults(name), ExitStack() as stack:

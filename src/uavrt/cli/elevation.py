@@ -17,8 +17,8 @@ def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
     """
     if dem is None and sea:
         raise ConfigError(
-            "--sea applies outside the files of --dem, and there are none",
-            remedy="Name them with --dem, or leave it out: without files the ground is level",
+            "--sea has no effect without elevation files",
+            remedy="Name elevation files with --dem, or leave --sea out",
         )
     if dem is None:
         return None

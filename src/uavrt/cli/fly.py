@@ -423,7 +423,7 @@ class _Terminal:
         if not sys.stdin.isatty():
             raise ConfigError(
                 "the order cannot be confirmed: no terminal",
-                remedy="Run it in a terminal, and type the word",
+                remedy='Run the command in a terminal, and type "fly" there',
             )
         prompt = (
             f'Type "{WORD}" within {SAFETY.offer_holds_s:.0f} s to confirm, '

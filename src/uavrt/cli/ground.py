@@ -139,7 +139,7 @@ def ground(
         )
     if set_up is not None and not set_up.is_file():
         raise ConfigError(
-            f"there are no settings {set_up} to set up",
+            f"the settings file {set_up} to set up does not exist",
             remedy="Give the drone side's uavrt.toml; deploy/install.sh writes one",
         )
     keys = read_link_keys(command_key, signing_key, component_id, as_gcs=as_gcs)
@@ -321,6 +321,6 @@ def _refuse_unused(**given: bool) -> None:
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:
         raise ConfigError(
-            f"there is no page to use {', '.join(unused)}",
-            remedy="Add --page, or leave out --headless and what else runs without a page",
+            f"without a page there is no use for {', '.join(unused)}",
+            remedy="Add --page, or leave out --headless, --tags, --start and --json",
         )

@@ -186,7 +186,7 @@ def _flights(
 
     if first is None:
         raise ConfigError(
-            "there is no flight",
+            "no flight was given",
             remedy="Name its directory; or a recording of another program with --recording, "
             "--track and --tags",
         )
@@ -199,8 +199,10 @@ def _flights(
         if one.is_file():
             raise ConfigError(
                 f"{one} is not the directory of a flight",
-                remedy="What another program recorded is judged with its track: --recording "
-                "FILE --track FILE --tags FILE",
+                remedy=(
+                    "For a recording of another program, give --recording FILE --track "
+                    "FILE --tags FILE"
+                ),
             )
     return [read_flight(one) for one in (first, *others)]
 
@@ -220,7 +222,8 @@ def _tracked(
 
     if flight is not None:
         raise ConfigError(
-            f"{flight} has poses of its own", remedy="Leave out --track, or the flight"
+            f"--track cannot be used with {flight}, which has its own poses",
+            remedy="Leave out --track, or the flight",
         )
     if recording is None or listed is None:
         missing = "--recording" if recording is None else "--tags"
@@ -248,7 +251,7 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
     if len(own) > 1:
         raise ConfigError(
             f"the flights had different antennas: {', '.join(own)}",
-            remedy="Judge those of one antenna together, or name one --antenna for all",
+            remedy="Give only flights with one antenna, or name one --antenna for all",
         )
     return own[0], not all(map(antenna_is_recorded, flown))
 

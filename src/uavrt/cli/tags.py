@@ -285,7 +285,9 @@ def measure(
     from uavrt.radio.opening import open_recording
 
     if not 1 <= id <= MAX_ID:
-        raise ConfigError(f"a tag cannot have the number {id}", remedy="Give --id from 1 on")
+        raise ConfigError(
+            f"{id} is not a valid number for a tag", remedy="Give an --id of 1 or more"
+        )
     _check_center(stated.center_frequency)
     if output is not None:
         check_place(output, overwrite=overwrite)
@@ -360,7 +362,7 @@ def _check_center(center_frequency_hz: float | None) -> None:
         MIN_FREQUENCY_HZ <= center_frequency_hz <= MAX_FREQUENCY_HZ
     ):
         raise ConfigError(
-            f"a band about {center_frequency_hz:.10g} Hz holds no tag", remedy=IN_HERTZ
+            f"no tag transmits near {center_frequency_hz:.10g} Hz", remedy=IN_HERTZ
         )
 
 

@@ -250,8 +250,8 @@ def check_start(
         row = PARAMETERS["RADIO_FREQ_KHZ"]
         if not row.low <= center_frequency_hz / row.scale <= row.high:
             raise ConfigError(
-                f"radio frequency cannot be {center_frequency_hz / 1e6:.10g} MHz: "
-                f"{row.low / 1e3:g} to {row.high / 1e3:g} MHz"
+                f"the radio frequency {center_frequency_hz / 1e6:.10g} MHz is not supported: "
+                f"choose {row.low / 1e3:g} to {row.high / 1e3:g} MHz"
             )
     if gain is None:
         return None
@@ -266,7 +266,7 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
         return frequency_hz
     if not row.receives(frequency_hz):
         raise ConfigError(
-            f"{row.title}: it does not receive {frequency_hz * 1e-6:.6g} MHz",
+            f"{row.title} does not receive {frequency_hz * 1e-06:.6g} MHz",
             remedy=f"Choose a frequency within {row.receives_text()}",
         )
     return row.tuned_hz(frequency_hz, radio.frequency_correction_ppm)

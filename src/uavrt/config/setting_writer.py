@@ -52,7 +52,7 @@ def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
-            f"cannot read the settings {path}: {reason}", remedy="Look at the file"
+            f"cannot read the settings {path}: {reason}", remedy="Check the file"
         ) from error
     parse_settings(before.encode(), name=path.name)
     text = before
@@ -123,7 +123,7 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
     if _without_empty(found) != _without_empty(wanted):
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
-            f"{path.name} is written in a way in which {names} cannot be changed from here",
+            f"{path.name} is written in a form in which {names} cannot be changed from here",
             remedy="Change it with an editor, or move the file away and start again",
         )
 

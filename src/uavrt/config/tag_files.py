@@ -53,7 +53,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
         listed = list(dict.fromkeys(str(fault) for fault in ordered))
         raise TagFileError(name, shortened(listed))
     if not tags:
-        raise TagFileError(name, ["line 1: there is no tag in this file"])
+        raise TagFileError(name, ["line 1: this file contains no tag"])
     return tags
 
 
@@ -121,7 +121,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     target = Path(path)
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
-            f"{target} would be the original detector's file, which is not written here",
+            f"uavrt does not write {target}, the original detector's file",
             remedy="Write .toml or TagInfo.txt; a flight directory holds one for each tag",
         )
     if target.suffix.lower() not in (".toml", ".txt"):

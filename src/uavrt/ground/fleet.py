@@ -90,7 +90,7 @@ class Fleet:
         if not 1 <= system_id <= 255:
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
         if system_id == self.first.vehicle.identity.system_id:
-            raise UsageError(f"vehicle {system_id} is served by the first page")
+            raise UsageError(f"vehicle {system_id} already has the main page")
         if len(self.sessions) >= MOST_VEHICLES:
             raise UsageError(f"at most {MOST_VEHICLES} vehicles can be served")
         store = await self._store.disk.run(self._store.of_vehicle, system_id)
@@ -101,21 +101,21 @@ class Fleet:
         self.first.vehicle.identity.excluded.add(system_id)
         self._tasks[system_id] = asyncio.get_running_loop().create_task(session.run())
         self._store.set_further_vehicles(tuple(self._others))
-        self.first.vehicle.feed.note(5, f"vehicle {system_id} is served, too")
+        self.first.vehicle.feed.note(5, f"this station now also serves vehicle {system_id}")
         self._show()
         return session
 
     async def leave(self, system_id: int) -> None:
         """Stop serving a further vehicle; ends its flight on the ground, not on the drone."""
         if system_id not in self._others:
-            raise UsageError(f"there is no further vehicle {system_id}")
+            raise UsageError(f"vehicle {system_id} is not served by this station")
         self.first.vehicle.identity.excluded.discard(system_id)
         task = self._tasks.pop(system_id)
         self._others.pop(system_id)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
         self._store.set_further_vehicles(tuple(self._others))
-        self.first.vehicle.feed.note(5, f"vehicle {system_id} is served no more")
+        self.first.vehicle.feed.note(5, f"this station no longer serves vehicle {system_id}")
         self._show()
 
     def records(self) -> list[dict[str, Any]]:

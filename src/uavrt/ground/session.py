@@ -153,7 +153,7 @@ class GroundSession:
         """Serve another vehicle; raises `UsageError` if it has a page of its own."""
         self.vehicle.choose(system_id)
         self.flying.forget()
-        self.vehicle.feed.note(5, f"this page serves vehicle {system_id} now")
+        self.vehicle.feed.note(5, f"this page now serves vehicle {system_id}")
         self.vehicle.feed.send_state()
 
     def settings_changed(self) -> None:

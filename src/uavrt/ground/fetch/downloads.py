@@ -97,7 +97,9 @@ class Downloads:
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
         if self._is_own(flight_id):
-            raise UsageError(f"{flight_id} is here: this is the drone's own computer")
+            raise UsageError(
+                f"{flight_id} is already on this computer, which is the drone's own"
+            )
         if self._task is not None and not self._task.done():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -127,12 +129,14 @@ class Downloads:
                 wanted = [one for one in tree.files if everything or not is_samples(one.path)]
                 await self._fetch_files(flight_id, _database_last(wanted))
             error = None
-            self._vehicle.feed.note(6, f"{flight_id} is here")
+            self._vehicle.feed.note(6, f"{flight_id} downloaded")
             if tree.left_out:
-                self._vehicle.feed.note(4, f"{tree.left_out} entries of {flight_id} left out")
+                self._vehicle.feed.note(
+                    4, f"{tree.left_out} files of {flight_id} were left out"
+                )
         except UavrtError as fault:
             error = str(fault)
-            self._vehicle.feed.note(4, f"{flight_id} not fetched: {error}")
+            self._vehicle.feed.note(4, f"{flight_id} could not be downloaded: {error}")
         finally:
             assert self.current is not None
             self.current = replace(self.current, ended=True, error=error)
@@ -148,7 +152,10 @@ class Downloads:
             inside = entry.path.removeprefix(f"/{flight_id}/")
             place = self._place(flight_id) / inside
             if not place.resolve().is_relative_to(self._place(flight_id).resolve()):
-                raise UsageError(f"{entry.path[:80]!r} is outside its flight")
+                raise UsageError(
+                    f"the drone listed the file {entry.path[:80]!r}, which is outside its "
+                    "flight"
+                )
 
             def show(done: int, size: int, file: str = inside, before: int = before) -> None:
                 assert self.current is not None

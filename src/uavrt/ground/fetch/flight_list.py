@@ -34,7 +34,9 @@ async def _noted(client: FileClient, entry: RemoteEntry) -> list[str]:
 
     def allow(size: int) -> None:
         if size - start > 2 * MOST_NOTED:
-            raise LinkError(f"{entry.path} was listed with {entry.size} bytes, not {size}")
+            raise LinkError(
+                f"the drone listed {entry.path} with {entry.size} bytes, but sent {size}"
+            )
 
     async def keep(data: bytes) -> None:
         got.extend(data)

@@ -126,7 +126,10 @@ class FileClient:
             entries += new
         raise LinkError(
             f"{path} on the drone has more than {MOST_ENTRIES} files and directories",
-            remedy="Name the part you want; or someone may be impersonating the drone",
+            remedy=(
+                "Name the part to fetch; if this is unexpected, someone may be "
+                "impersonating the drone"
+            ),
         )
 
     async def tree(self, path: str) -> RemoteTree:
@@ -298,7 +301,7 @@ class _Pace:
             self._from, self._until_s = done, _soon(STALL_NS)
         elif monotonic_s() > self._until_s:
             raise LinkError(
-                f"{self._what} makes no progress: {done - self._from} in "
+                f"the transfer of {self._what} has stalled: {done - self._from} received in "
                 f"{s_from_ns(STALL_NS):.0f} s",
                 remedy="Move closer to the drone and try again; what has arrived is kept",
             )
@@ -339,8 +342,9 @@ def _require_free(place: Path, size: int) -> None:
     free = shutil.disk_usage(parent).free - ROOM_LEFT
     if size > free:
         raise RecordingError(
-            f"{size / 1e6:.0f} MB are needed in {parent}, and {max(0, free) / 1e6:.0f} MB free",
-            remedy="Make room, or give another place with -o",
+            f"{size / 1e6:.0f} MB are needed in {parent}, but only {max(0, free) / 1e6:.0f} MB "
+            "are free",
+            remedy="Free disk space, or choose another directory with -o",
         )
 
 
@@ -371,7 +375,7 @@ async def fetch_file(
         listed = entry.size or 0
         if size > listed + max(listed, MOST_GROWTH):
             raise LinkError(
-                f"{entry.path} has {size} bytes now, and was listed with {listed}",
+                f"{entry.path} has {size} bytes, but the drone listed {listed}",
                 remedy="Fetch it again; if it persists, someone may be impersonating the drone",
             )
         _require_free(part, size - (_size(part) or 0))
@@ -443,7 +447,7 @@ def _entry(directory: str, line: bytes) -> RemoteEntry:
     good = name not in ("", "..") and name.isprintable() and Path(name).name == name
     if not good or not (size or "0").isdecimal():
         raise LinkError(
-            f"the drone's list has {line[:80]!r}, which is not a file name and size",
+            f"the drone sent an invalid list of files: {line[:80]!r} is not a name with a size",
             remedy="Someone may be impersonating the drone: see the manual on locking the link",
         )
     path = f"{directory.rstrip('/')}/{name}"

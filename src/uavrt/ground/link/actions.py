@@ -13,8 +13,8 @@ ACTIONS = {**{button.action: button.label for button in BUTTONS}, "mark": "Mark"
 NOT_NOW = {
     SystemState.IDLE: "Send the tags first",
     SystemState.RECEIVING_TAGS: "Tags are being sent",
-    SystemState.DETECTING: "Detecting: stop first",
-    SystemState.CAPTURING: "Capturing: wait until it has ended",
+    SystemState.DETECTING: "Detection is running: press Stop first",
+    SystemState.CAPTURING: "A capture is running: wait until it has ended",
 }
 """Reason why a button is disabled, by the drone's state."""
 
@@ -82,7 +82,7 @@ def wait_for(now: Situation) -> str | None:
 
 def _reason(action: str, now: Situation) -> str | None:
     if action == "mark":
-        return None if now.flight_open else "No flight yet: start first"
+        return None if now.flight_open else "No flight yet: press Start first"
     reason = unreachable(now) if action == "stop" else cannot_command(now)
     if reason is not None:
         return reason
@@ -90,7 +90,11 @@ def _reason(action: str, now: Situation) -> str | None:
         return "No tags: type them in under Set-up"
     command = COMMAND_OF_ACTION[action].name
     if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
-        return "Nothing is running" if action == "stop" else NOT_NOW[now.state]
+        return (
+            "Nothing is running that could be stopped"
+            if action == "stop"
+            else NOT_NOW[now.state]
+        )
     if action == "start" and not now.tags_sent and now.tags:
         return "The tag table has changed: send the tags first"
     return None

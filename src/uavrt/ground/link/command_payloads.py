@@ -38,8 +38,10 @@ class Writing:
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
             raise LinkError(
-                f"the thesis's software knows no coded tags (tags {coded})",
-                remedy="Send the beeping tags alone, or choose another generation",
+                f"the thesis's software cannot search for coded tags (tags {coded})",
+                remedy=(
+                    "Send only the beeping tags, or choose other drone software under Set-up"
+                ),
             )
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"
@@ -122,7 +124,7 @@ class Writing:
         if row.number is None or generation not in row.lengths:
             raise LinkError(
                 f"the drone's software has no command {name.replace('_', ' ')}",
-                remedy="Choose the protocol generation that it speaks, or update it",
+                remedy="Choose the drone's actual software under Set-up, or update the drone",
             )
         return row.number
 

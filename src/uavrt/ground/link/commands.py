@@ -39,7 +39,7 @@ def _parameter(wish: Any) -> tuple[str, float]:
     """Read a parameter's name and value; raises `FormatError`."""
     name, value = (wish.get("name"), wish.get("value")) if isinstance(wish, dict) else ("", 0)
     if not isinstance(name, str) or not name.isascii() or not 0 < len(name) <= 16:
-        raise FormatError("name must be a parameter's")
+        raise FormatError("name must be the name of a parameter")
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
         raise FormatError("value must be a number")
@@ -52,7 +52,7 @@ def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
     tag_id = request.get("tag_id") if isinstance(request, dict) else None
     tag = next((one for one in vehicle.store.tags if one.tag_id == tag_id), None)
     if tag is None:
-        raise FormatError("tag_id must be a listed tag's")
+        raise FormatError("tag_id must be the number of a listed tag")
     if request.get("undo") is True:
         last = next((x for x in vehicle.store.corrections_listed if x.tag_id == tag_id), None)
         if last is None:
@@ -66,9 +66,7 @@ def _correction(vehicle: ServedVehicle, request: Any) -> TagCorrection:
             correction = correction_of(tag, beep, now_ns, vehicle.drone.beeps)
             if correction is not None:
                 return correction
-    raise FormatError(
-        f"nothing was measured at {frequency_hz:.0f} Hz that corrects tag {tag_id}"
-    )
+    raise FormatError(f"no signal measured at {frequency_hz:.0f} Hz can correct tag {tag_id}")
 
 
 def _gain_in_words(correction: TagCorrection) -> str:
@@ -86,7 +84,7 @@ def _place(wish: Any) -> tuple[float, float] | None:
         case (int() | float() as north, int() | float() as east):
             if abs(north) <= 90.0 and abs(east) <= 180.0:
                 return float(north), float(east)
-    raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+    raise FormatError("latitude_deg and longitude_deg must be a position on earth")
 
 
 class Commands:
@@ -198,13 +196,19 @@ class Commands:
                 if link is not None:
                     text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
                 raise RecordingError(
-                    text, remedy="Check that it is listed and the disk has room, and repeat it"
+                    text,
+                    remedy=(
+                        "Check that the tag is listed and the disk has space, then repeat "
+                        "the correction"
+                    ),
                 ) from error
         drone.beeps[:] = [one for one in drone.beeps if tag_id not in one.tag_ids]
         vehicle.show_tags()
         text = str(correction)
         if link is None and drone.state is None and not vehicle.flight.keeper.ended:
-            text += ". In the list alone: send the tags when the drone is back"
+            text += (
+                ". Only the list was corrected: send the tags when the drone is back in contact"
+            )
         vehicle.feed.note(5, text)
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
@@ -216,7 +220,8 @@ class Commands:
         in_flight = searched and (now.state is SystemState.DETECTING or lost)
         reason = cannot_command(now) if in_flight else wait_for(now)
         if reason is not None and lost and not now.drone_present:
-            reason += f". The list alone can be corrected after {_SWITCHED_OFF_S / 60:.0f} min"
+            minutes = f"{_SWITCHED_OFF_S / 60:.0f} min"
+            reason += f". After {minutes} without contact, the list can be corrected"
         if reason is not None:
             raise LinkError(reason)
         return vehicle.connection.link if in_flight else None

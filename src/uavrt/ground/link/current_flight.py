@@ -97,13 +97,13 @@ class CurrentFlight:
                 lambda: (library.columns(kept), library.summary(kept), library.places(kept))
             )
         except UavrtError as error:
-            self._feed.note(4, f"flight {kept} does not go on: {error}")
+            self._feed.note(4, f"flight {kept} cannot be resumed: {error}")
             return None
         if not await disk.run(self.keeper.resume, kept):
             return None
         self.keeper.load(columns)
         self.resumed, self.marks = True, list(places.marks)
-        self._feed.note(6, f"flight {kept} goes on")
+        self._feed.note(6, f"flight {kept} resumed")
         return summary.tags
 
     def end(self) -> None:

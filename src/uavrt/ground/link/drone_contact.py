@@ -43,13 +43,15 @@ class DroneContact:
         """Explain why there is no contact: the drone uses another key, or is absent."""
         if self._drone_refused:
             return LinkError(
-                f"component {DRONE_COMPONENT} is heard, but its frames are not signed with the "
-                "key given",
-                remedy="Give the key that the drone has as mavlink.signing_key_file, or none "
-                "if it has none",
+                f"the drone (component {DRONE_COMPONENT}) is received, but its frames "
+                "are not signed with the given key",
+                remedy=(
+                    "Give the key in the drone's mavlink.signing_key_file, or no key if "
+                    "the drone has none"
+                ),
             )
         return LinkError(
-            f"no drone is heard (MAVLink component {DRONE_COMPONENT})",
+            f"no drone is received (MAVLink component {DRONE_COMPONENT})",
             remedy="Check the drone's power, the radio, and that the autopilot forwards "
             "MAVLink between its companion and ground ports",
         )

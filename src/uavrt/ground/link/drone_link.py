@@ -194,8 +194,9 @@ class GroundLink:
                 if count == 1 or NO_UPLOAD not in str(error):
                     raise
                 raise CommandRefused(
-                    "the upload was opened and then refused: two vehicles answer under number "
-                    f"{self._vehicle_id()}, or another station ended it",
+                    "the drone began the upload and then refused it: two vehicles use "
+                    f"number {self._vehicle_id()}, or another station has ended the "
+                    "upload",
                     remedy="Give each vehicle a number of its own (SYSID_THISMAV, MAV_SYS_ID)",
                 ) from error
             if progress is not None:

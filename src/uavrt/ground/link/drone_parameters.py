@@ -92,9 +92,11 @@ class DroneParameters:
             if await within(self._wait_s, answer):
                 now = self._value(name)
                 if abs(now - value) > 1e-6 * abs(value):
-                    raise CommandRefused(f"{name} stays {now:g}: see the drone's text")
+                    raise CommandRefused(
+                        f"{name} remains {now:g}: the drone's status text has the reason"
+                    )
                 return now
-        raise LinkError(f"the drone did not answer for {name}", remedy="Try again")
+        raise LinkError(f"the drone did not confirm the parameter {name}", remedy="Try again")
 
     def _wish(self, name: str, value: float, drone: Peer) -> Message:
         return self._protocol.sealed_parameter(name, value) or dialect.ParamSet(

@@ -113,8 +113,8 @@ class Exchange:
             answer = await self._until_answered(request_id, send, tries, wait_s)
         if answer is None:
             raise LinkError(
-                "the drone did not answer; nothing is known to have been confirmed",
-                remedy="See `uavrt fly status`; a drone with a key needs --command-key",
+                "the drone did not answer, so it is unknown whether the motion is confirmed",
+                remedy="Check `uavrt fly status`; a drone with a key needs --command-key",
             )
         state: MotionState = answer[1]
         if state.kind == "refused":

@@ -124,7 +124,7 @@ class Flying:
         offer = await ask(self._link(), request)
         now_ns = self._vehicle.clock.now_ns()
         self._offered = Offered(state=offer, way=way, time_ns=now_ns, page=page)
-        self._vehicle.feed.note(6, f"the drone would {offer.text}")
+        self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
         self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
 
@@ -134,10 +134,10 @@ class Flying:
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
-            raise CommandRefused("this offer has expired", remedy="Ask again")
+            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         self._offered = None
         if self._vehicle.clock.now_ns() - offered.time_ns > OFFER_NS:
-            raise CommandRefused("this offer has expired", remedy="Ask again")
+            raise CommandRefused("the proposed motion has expired", remedy="Request it again")
         state = await confirm(self._link(), offered.state, sticks_unseen=unseen is True)
         self._flown = offered
         self.take(state)
@@ -168,7 +168,7 @@ class Flying:
     async def stop(self) -> dict[str, Any]:
         """Stop the drone and end uavrt's control; if this raises, a pilot must stop it."""
         self._offered = None
-        self._vehicle.feed.note(5, "taken back by the operator")
+        self._vehicle.feed.note(5, "stopped by the operator")
         state = await stop(self._link())
         self.take(state)
         return {"standing": state.standing, "text": state.text}
@@ -177,7 +177,7 @@ class Flying:
         link = self._vehicle.connection.link
         if link is None or not self._vehicle.situation().drone_present:
             raise LinkError(
-                "no contact with the drone", remedy="Stop it by the remote control if needed"
+                "no contact with the drone", remedy="Stop it with the remote control if needed"
             )
         return link
 
@@ -193,7 +193,7 @@ class Flying:
                 return (*here, *request.places)
             case "survey":
                 if not request.places:
-                    raise UsageError("a survey needs an area", remedy="Draw or import one")
+                    raise UsageError("a survey needs an area", remedy="Draw or import an area")
                 return (
                     *here,
                     *survey_places(Order.of(request), self._home() or request.places[0]),
@@ -201,7 +201,7 @@ class Flying:
             case "search" if bool(request.places) == (request.radius_m is not None):
                 raise UsageError(
                     "a search needs exactly one area",
-                    remedy="Draw one, or give a radius around the drone",
+                    remedy="Draw an area, or give a radius around the drone",
                 )
             case "return":
                 home = self._home()
@@ -223,13 +223,13 @@ def area_of_file(wish: Any) -> dict[str, Any]:
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
-            f"{name[:80]} has {len(places)} corners",
+            f"{name[:80]} has {len(places)} corners, which are too many",
             remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
         raise FormatError(
-            f"{name[:80]} excludes outlines with more than {2 * MOST_CORNERS} corners",
-            remedy="Simplify them",
+            f"{name[:80]} has excluded areas with more than {2 * MOST_CORNERS} corners",
+            remedy="Simplify these areas",
         )
     return {
         "places": _listed(places),
@@ -257,7 +257,8 @@ def _request(wish: Any) -> MotionRequest:
     places = places_in(wish.get("places", []))
     if len(places) > MAX_PLACES:
         raise UsageError(
-            f"an area of {len(places)} corners", remedy=f"Draw one of {MAX_PLACES} or fewer"
+            f"the area has {len(places)} corners, which are too many",
+            remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     return motion_request(
         str(wish.get("action")),
@@ -287,7 +288,9 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
         if len(places) > MOST_CORNERS:
             raise FormatError(f"an outline has at most {MOST_CORNERS} corners")
         if len(places) != 1 if radius is not None else len(places) < 3:
-            raise FormatError("keep_out has outlines, or a place with its radius")
+            raise FormatError(
+                "each item of keep_out must be an outline, or a place with a radius"
+            )
         radius_m = None if radius is None else number_in(one, "radius_m", 0.0)
         if radius_m is not None and not radius_m > 0.0:
             raise FormatError("radius_m must be above 0")

@@ -95,5 +95,5 @@ class MyPlace:
 
     def _failed(self, error: UavrtError) -> None:
         if self.error is None:
-            log.warning("no place", reason=str(error))
+            log.warning("GPS position unavailable", reason=str(error))
         self.error = str(error)

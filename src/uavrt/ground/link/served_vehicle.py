@@ -169,7 +169,7 @@ class ServedVehicle:
     def choose(self, system_id: int) -> None:
         """Serve another vehicle; ends the previous one's flight on the ground only."""
         if self.store.system_id is not None:
-            raise UsageError(f"this page is that of vehicle {self.store.system_id}")
+            raise UsageError(f"this page belongs to vehicle {self.store.system_id}")
         if any(one.identity.system_id == system_id for one in self.companions):
             raise UsageError(f"vehicle {system_id} has a page of its own")
         if not self.flight.keeper.ended:

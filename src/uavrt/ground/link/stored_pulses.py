@@ -45,7 +45,8 @@ def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
     except OSError as error:
         if error.errno not in _FULL:
             raise RecordingError(
-                f"receipts cannot be saved in {directory}: {error.strerror}",
+                f"the record of received pulses cannot be saved in {directory}: "
+                f"{error.strerror}",
                 remedy="Give a writable directory with -o",
             ) from error
     numbers = [number for (number,) in _NUMBER.iter_unpack(content[: _whole(len(content))])]

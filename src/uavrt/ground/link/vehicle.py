@@ -84,8 +84,7 @@ class VehicleWatch:
         self.pose: Pose | None = None
         """The vehicle's latest pose, timed by the ground's clock."""
         self.home: tuple[float, float] | None = None
-        """Home position from the autopilot: latitude and longitude [deg]; None: not
-        reported."""
+        """Home position, latitude and longitude [deg]; None: not reported."""
         self.radio: RadioLevels | None = None
         self.battery_v: float | None = None
         self.battery_percent: int | None = None

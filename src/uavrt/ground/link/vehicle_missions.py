@@ -132,7 +132,10 @@ class VehicleMissions:
                     return self._homes[peer.system_id]
         raise CommandRefused(
             "home position unknown: cannot check the fence",
-            remedy="Wait for its position; or save the survey, and check it in QGroundControl",
+            remedy=(
+                "Wait for the vehicle's position, or save the survey and check it in "
+                "QGroundControl"
+            ),
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
@@ -152,7 +155,7 @@ class VehicleMissions:
             differs = difference(items, download.items[len(whole) - len(items) :])
         if differs is not None:
             raise CommandRefused(
-                f"the vehicle does not hold what was sent: {differs}",
+                f"the mission on the vehicle differs from the one sent: {differs}",
                 remedy="Do not start its mission; upload it again",
             )
         counted = upload.counters + download.counters
@@ -184,7 +187,7 @@ class VehicleMissions:
         if transfer.silent:
             raise LinkError(transfer.fault, remedy="Check the radio link, and try again")
         raise CommandRefused(
-            transfer.fault, remedy="Start no mission of the vehicle before an upload has ended"
+            transfer.fault, remedy="Do not start a mission on the vehicle during an upload"
         )
 
     def _watch(self) -> None:
@@ -208,7 +211,7 @@ class VehicleMissions:
         if len(heard) > 1:
             raise CommandRefused(
                 f"{len(heard)} autopilots are received: {', '.join(map(str, sorted(heard)))}",
-                remedy="Switch on the drone side of the one that is meant",
+                remedy="Switch on the drone side of the vehicle that should get the survey",
             )
         ((number, one),) = heard.items()
         peer = Peer(number, MavComponent.COMP_ID_AUTOPILOT1)
@@ -227,8 +230,8 @@ class VehicleMissions:
         mode = self._autopilots[peer.system_id].heartbeat.custom_mode
         if mode in manners.mission_modes:
             raise CommandRefused(
-                f"the vehicle is in {manners.mode_name(mode)}: another mission would change "
-                "its path",
+                f"the vehicle flies in mode {manners.mode_name(mode)}, and another mission "
+                "would change its path",
                 remedy="Let the pilot hold position first",
             )
 

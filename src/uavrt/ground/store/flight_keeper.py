@@ -189,7 +189,7 @@ class FlightKeeper:
             self._early_s.clear()
         now_s = monotonic_s()
         if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_COMES_WITHIN_S:
-            raise RecordingError("the burst that it belongs to has not arrived")
+            raise RecordingError("the burst to which this content belongs has not arrived")
         del self._early_s[burst.key]
         self.without_burst += 1
         log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")

@@ -66,7 +66,7 @@ class FlightQueue:
         error = RecordingError(
             f"the disk of {self._directory} takes {slow_s:.0f} s to write: "
             f"{self._waiting} pulses wait in memory",
-            remedy="Check or replace it",
+            remedy="Check or replace the disk",
         )
         return str(error)
 

@@ -198,7 +198,7 @@ class GroundStore:
         tags = {tag.tag_id: tag for tag in self.tags}
         before = tags.get(correction.tag_id)
         if before is None:
-            raise ConfigError("it is no longer listed")
+            raise ConfigError("the tag is no longer listed")
         after = correction.applied(before)
         made = [*self.corrections, replace(correction, before=before, after=after)]
         with replacing(self._corrections_path) as part:
@@ -351,7 +351,7 @@ def _judged(name: str, value: Any) -> Any:
             megahertz = number_in(str(value).replace(",", "."))
             check_start(None, megahertz * 1e6, None)
             return megahertz
-    raise UsageError(f"{name} cannot be {str(value)[:40]!r}")
+    raise UsageError(f"{name} cannot have the value {str(value)[:40]!r}")
 
 
 def _receiver(text: str) -> str:

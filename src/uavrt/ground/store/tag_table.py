@@ -84,7 +84,9 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
-        raise UsageError(f"{len(rows)} tags are too many", remedy=f"At most {MAX_ROWS}")
+        raise UsageError(
+            f"{len(rows)} tags are too many", remedy=f"Use at most {MAX_ROWS} tags"
+        )
     found: list[FieldFault] = []
     drafts = [_draft(row, index, found) for index, row in enumerate(rows)]
     # A fault from the beginning: incomplete drafts are judged, but made into no tags.
@@ -149,7 +151,7 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
             rows += rows_from_tags(parse_tags(text.encode(), name=name))
     if not rows:
         raise UsageError(
-            f"no tag in {', '.join(files)}",
+            f"no tag was found in {', '.join(files)}",
             remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
         )
     return rows
@@ -185,7 +187,9 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
         writer.writerow(names)
         writer.writerows([row.get(name, "") for name in names] for row in rows_from_tags(tags))
         return stream.getvalue()
-    raise UsageError(f"there is no format {name}", remedy="tags.toml, TagInfo.txt or tags.csv")
+    raise UsageError(
+        f"there is no format {name}", remedy="Choose from tags.toml, TagInfo.txt, tags.csv"
+    )
 
 
 def read_table(path: Path) -> tuple[Tag, ...]:
@@ -287,8 +291,8 @@ def _tracker_row(
     maker = makers.get(_key(cells["manufacturerid"]))
     if maker is None:
         raise UsageError(
-            f"{name}: tag {cells.get('id', '?')} names manufacturer "
-            f"{cells['manufacturerid']}, which is not there",
+            f"{name}: tag {cells.get('id', '?')} has manufacturer {cells['manufacturerid']}, "
+            "which is missing in TagManufacturer.db",
             remedy="Choose TagInfo.db and TagManufacturer.db together",
         )
     second = maker.get("ip_msecs_2", "")

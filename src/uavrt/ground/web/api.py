@@ -130,7 +130,7 @@ class Api:
     async def connect(self, request: Request) -> Any:
         """Connect to an address; an empty address disconnects."""
         if self._vehicle.store.system_id is not None:
-            raise UsageError("further vehicles are on the links of the first page")
+            raise UsageError("further vehicles use the links of the main page")
         address = (await json_object(request)).get("address")
         if address:
             store = self._vehicle.store
@@ -191,7 +191,7 @@ class Api:
         except ValueError:
             latitude = longitude = float("nan")
         if not (-90.0 <= latitude <= 90.0 and -360.0 <= longitude <= 360.0):
-            raise FormatError("latitude_deg and longitude_deg must be a place on earth")
+            raise FormatError("latitude_deg and longitude_deg must be a position on earth")
         return asdict(readout(latitude, longitude))
 
     async def log(self, request: Request) -> Any:

@@ -69,7 +69,7 @@ class ExtraApi:
         found = await asyncio.to_thread(recordings, flight)
         chosen = [one for one in found if one.name == query.get("recording", one.name)]
         if not chosen:
-            raise UsageError("there is no recording of samples in this flight on this computer")
+            raise UsageError("this flight has no recorded samples on this computer")
         tag_id = int(_number(query.get("tag", ""), "tag"))
         summary = await asyncio.to_thread(library.summary, flight_id)
         tag = tag_of(summary.tags, tag_id)

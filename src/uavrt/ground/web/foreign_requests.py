@@ -13,7 +13,7 @@ def read_body(content: bytes, limit: Limit = REQUEST) -> Any:
     try:
         return read_json(content or b"{}", limit)
     except ValueError as error:
-        raise FormatError(f"the request is not JSON of ours: {error}") from error
+        raise FormatError(f"the request is not valid JSON: {error}") from error
 
 
 def checked_tags(content: bytes) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def imported_tags(content: bytes) -> dict[str, Any]:
     """Read table rows from tag files, given as texts by file name."""
     files = read_body(content, UPLOADED_FILE)
     if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
-        raise FormatError("files must be texts by their names")
+        raise FormatError("files must be an object of texts by file name")
     rows = tag_table.import_rows(files)
     tags, _ = tag_table.tags_from_rows(rows)
     return {

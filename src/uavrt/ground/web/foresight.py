@@ -59,7 +59,7 @@ class Foresight:
         from uavrt.analysis.coverage import assumed_tag
 
         if not isinstance(wanted, dict):
-            raise FormatError("a question must be an object")
+            raise FormatError("the request must be an object")
         tag_id = wanted.get("tag_id")
         places, spacing_m = _plan_in(wanted)
         return cls(
@@ -95,15 +95,16 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
         raise FormatError("a plan must be either a path or an outline")
     given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
     if not isinstance(given, list) or not least <= len(given) <= most:
-        raise FormatError(f"a plan has {least} to {most} places")
+        raise FormatError(f"a plan must have {least} to {most} points")
     places = places_in(given)
     if way is None and places[0] == places[-1]:
         places = places[:-1]
     farthest_m = max(distance_m(*places[0], *one) for one in places)
     if not farthest_m <= _FARTHEST_M:
         raise UsageError(
-            f"the plan reaches {farthest_m / 1000.0:.0f} km from its first place",
-            remedy=f"Plan {_FARTHEST_M / 1000.0:.0f} km or less",
+            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
+            "far",
+            remedy=f"Plan at most {_FARTHEST_M / 1e3:.0f} km",
         )
     if way is not None:
         return places, None
@@ -136,7 +137,7 @@ def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
         if one.tag_id == tag_id:
             return one
     raise UsageError(
-        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose one that is"
+        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose a tag of the table"
     )
 
 

@@ -58,7 +58,7 @@ class Silence:
     def asked(cls, flight: Path, antenna: AntennaChoice, wanted: object) -> "Silence":
         """Read a page's request; raises `FormatError` or `UsageError`."""
         if not isinstance(wanted, dict):
-            raise FormatError("a question must be an object")
+            raise FormatError("the request must be an object")
         tag_id = wanted.get("tag_id")
         if type(tag_id) is not int:
             raise FormatError("tag_id must be a whole number")
@@ -82,11 +82,13 @@ class SilenceDesk(MapDesk[Silence, "SilentMap"]):
 
         found = self.found(asked)
         if found is None:
-            raise UsageError("the map is not ready yet", remedy="Request it first")
+            raise UsageError(
+                "the map is not ready yet", remedy="Wait until the map is calculated"
+            )
         if found.ambiguous:
             raise UsageError(
-                f"a train on the frequency of tag {asked.tag_id} may be its own, "
-                "so it may not be silent"
+                f"pulses at the frequency of tag {asked.tag_id} may be its own, so its "
+                "absence cannot be judged"
             )
         if found.heard:
             raise UsageError(

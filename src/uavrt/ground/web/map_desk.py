@@ -103,7 +103,7 @@ class MapDesk(Generic[Asked, Found]):
         except UavrtError as error:
             work.fault = str(error)
         except Exception as error:  # a page that asks must not wait forever
-            log.exception("map not made")
+            log.exception("map could not be made")
             work.fault = f"the map could not be made: {error}"
 
 

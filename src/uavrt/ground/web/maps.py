@@ -77,8 +77,11 @@ async def store_map(
     """Store an uploaded map file and describe it; an incomplete upload is discarded."""
     if not _NAME.fullmatch(name):
         raise UsageError(
-            f"{name[:80]!r} cannot be a map's name",
-            remedy="Take letters, digits, spaces and . ( ) - _, then .pmtiles or .mbtiles",
+            f"{name[:80]!r} is not a valid name for a map file",
+            remedy=(
+                "Use letters, digits, spaces and . ( ) - _, and end the name in .pmtiles "
+                "or .mbtiles"
+            ),
         )
     taken = 0
     # A folder of its own: errors name the file, and two may come at once.

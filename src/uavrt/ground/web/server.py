@@ -96,7 +96,9 @@ def _check_certificate(settings: ServerSettings) -> None:
     """Raise `ConfigError` for an unusable certificate or key, before anything starts."""
     if settings.certificate is None:
         if settings.key is not None:
-            raise ConfigError("a key without a certificate", remedy="Also give --certificate")
+            raise ConfigError(
+                "--key is given without a certificate", remedy="Also give --certificate"
+            )
         return
     for path in (settings.certificate, settings.key):
         if path is not None:
@@ -104,7 +106,7 @@ def _check_certificate(settings: ServerSettings) -> None:
                 read_file(path, KEYS)  # OpenSSL takes any length
             except OSError as error:
                 reason = f"{path} cannot be read: {error.strerror}"
-                raise ConfigError(reason, remedy="Check the name") from error
+                raise ConfigError(reason, remedy="Check the file's name") from error
     try:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(settings.certificate, settings.key, _no_pass_phrase)

@@ -100,7 +100,7 @@ def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> P
     finally:
         source.close()
     if waterfall is None or not waterfall.power.any():
-        raise FormatError(f"{path.name} holds no samples there")
+        raise FormatError(f"{path.name} has no samples in that time")
     power = waterfall.power
     return picture(
         power,
@@ -182,7 +182,7 @@ class ChannelStream:
             self._style = self._style or stamp_style(payload)
         except FormatError as error:
             if self.refused == 0:
-                log.warning("not a channel's datagram", reason=str(error))
+                log.warning("invalid channel datagram", reason=str(error))
             self.refused += 1
             return
         self._frames.put(time_ns, np.where(np.isfinite(samples), samples, 0.0))
@@ -234,7 +234,7 @@ class _Datagrams(asyncio.DatagramProtocol):
         try:
             self._stream.receive(data)
         except (UavrtError, ValueError) as error:
-            log.warning("a channel's datagram was not drawn", reason=str(error))
+            log.warning("channel datagram not drawn", reason=str(error))
 
 
 def tag_of(tags: tuple[Tag, ...], tag_id: int) -> Tag:
