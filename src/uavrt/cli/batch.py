@@ -157,17 +157,17 @@ def batch(
         number = stopped()
     if summary is None:
         print(_STOPPED, file=sys.stderr)
-        _leave(128 + (number or signal.SIGINT))
+        _exit_now(128 + (number or signal.SIGINT))
     _report(summary, output)
     if number is not None:
-        _leave(128 + number)
+        _exit_now(128 + number)
     states = [row.state for row in summary.rows] + [row.state for row in summary.flights]
     unread = any(one.unreadable for one in found.passed_over)
     if summary.kept or unread or {"truncated", "failed"} & set(states):
         sys.exit(1)
 
 
-def _leave(status: int) -> NoReturn:
+def _exit_now(status: int) -> NoReturn:
     """End the process at once: threads of libraries such as Dask may take seconds to end."""
     sys.stderr.flush()
     os._exit(status)

@@ -20,7 +20,7 @@ LISTEN_NS = ns_from_s(30.0)
 thirty noise reports."""
 ENOUGH_NS = ns_from_s(5.0)
 """Time after which the observation ends if all is in order [ns]."""
-HEARS_AUTOPILOT = ("ready", "waiting for ground station")
+AUTOPILOT_RECEIVED = ("ready", "waiting for ground station")
 """States of the connection process in which the autopilot and its time have been received."""
 
 
@@ -31,19 +31,19 @@ def bench_findings(settings: Settings) -> list[Finding]:
     except (UavrtError, OSError):
         remedy = "Start it: sudo systemctl start uavrt, or uavrt run"
         return [Finding(what="drone", ok=False, text="uavrt does not run here", remedy=remedy)]
-    ear, begun_ns = _Ear(settings), _now_ns()
+    watch, begun_ns = _SystemWatch(settings), _now_ns()
     try:
         while reader.is_open and (passed_ns := _now_ns() - begun_ns) < LISTEN_NS:
             for _, record in reader.read(0.5):
-                ear.take(record, _now_ns())
-            if passed_ns > ENOUGH_NS and ear.is_content():
+                watch.take(record, _now_ns())
+            if passed_ns > ENOUGH_NS and watch.is_complete():
                 break
     finally:
         reader.close()
-    return ear.findings()
+    return watch.findings()
 
 
-class _Ear:
+class _SystemWatch:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._bench = Bench()
@@ -61,7 +61,7 @@ class _Ear:
             case VehicleReport(seen=seen):
                 self._battery_percent = None if seen is None else seen.battery_percent
 
-    def is_content(self) -> bool:
+    def is_complete(self) -> bool:
         """True if all checks pass and at least one tag is searched for."""
         detects = self._status is not None and self._status.state is SystemState.DETECTING
         return detects and all(one.ok or one.open for one in self.findings())
@@ -75,7 +75,7 @@ class _Ear:
             tags=() if status is None else status.tags,
             state=None if status is None else status.state,
             heard=status is not None,
-            time_known=link is not None and link.status in HEARS_AUTOPILOT,
+            time_known=link is not None and link.status in AUTOPILOT_RECEIVED,
             pose_age_s=None if pose_ns is None else (now_ns - pose_ns) / NANOSECONDS_PER_SECOND,
             battery_percent=self._battery_percent,
             usual_noise_db=self._usual_noise(status),

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.coverage_records import Asked, MappedTag, chosen
+from uavrt.cli.coverage_records import CoverageOptions, MappedTag, chosen
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def coverage(
     )
     if output is not None:
         make_directory(output, "--output")
-    asked = Asked(
+    asked = CoverageOptions(
         source=source,
         elevation=elevation_of(dem, sea=sea),
         outline=area,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class CoverageOptions:
     """Command-line arguments of ``uavrt coverage``."""
 
     source: Path

@@ -114,7 +114,7 @@ def detect(
         source = stack.enter_context(closing(open_source(recording, options)))
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
-        wanted = _inside(known, source)
+        wanted = _tags_in_band(known, source)
         listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
         if ros2 is not None:
             from uavrt.cli.listeners import RosPulses  # 4 MB
@@ -159,9 +159,9 @@ def detect(
                     frequency_window_hz=frequency_window,
                     operating_modes=known.operating_modes,
                     excluded_hz=known.excluded_hz,
-                    on_channel=_each(listeners, "channel"),
+                    on_channel=_call_each(listeners, "channel"),
                     on_band=on_band,
-                    on_reports=_each(listeners, "reports"),
+                    on_reports=_call_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=shown,
                     summary=summary,
@@ -179,7 +179,7 @@ def detect(
         sys.exit(128 + number)
 
 
-def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
+def _tags_in_band(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
     """Select the tags within the received band, and print those outside it."""
     inside = known.within(source.sample_rate_hz, source.center_frequency_hz).tags
     for tag in known.tags:
@@ -288,7 +288,7 @@ def _finish(listeners: "Sequence[Listener]") -> None:
         listener.finish()
 
 
-def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
+def _call_each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
     """Function that calls a method on all receivers; None without receivers."""
     methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
 
@@ -300,12 +300,7 @@ def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] |
 
 
 def open_source(recording: str, options: dict[str, Any]) -> SampleSource:
-    """Open a channel's port, standard input or a recording.
-
-    `options`: from `Stated.options`.
-    Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or a value is
-    missing.
-    """
+    """Open a channel's port, standard input or a recording; `options`: `Stated.options`."""
     if is_udp_address(recording):
         of_channel = ("sample_rate_hz", "center_frequency_hz")
         return open_channel(recording, **{name: options[name] for name in of_channel})

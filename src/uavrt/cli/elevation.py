@@ -10,11 +10,7 @@ if TYPE_CHECKING:
 
 
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
-    """Open elevation files; None if none are given.
-
-    Raises `ConfigError`: water is given, but no elevation file.
-    Raises `FormatError`: a file is missing, truncated, damaged or unsupported.
-    """
+    """Open elevation files; None without any. Raises `ConfigError` or `FormatError`."""
     if dem is None and sea:
         raise ConfigError(
             "--sea has no effect without elevation files",

@@ -22,8 +22,8 @@ from uavrt.errors import ConfigError
 from uavrt.ground.fetch.drone_files import DroneFiles
 from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import (
-    MOST_DEEP,
     MOST_ENTRIES,
+    MOST_NESTED,
     FileClient,
     RemoteEntry,
     fetch_file,
@@ -135,7 +135,7 @@ async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> lis
     tree = await client.tree(str(path))
     if tree.left_out:
         print(
-            f"{tree.left_out} files or directories left out: more than {MOST_DEEP} deep, or "
+            f"{tree.left_out} files or directories left out: more than {MOST_NESTED} deep, or "
             f"after the first {MOST_ENTRIES}",
             file=sys.stderr,
         )

@@ -436,10 +436,7 @@ class _Terminal:
             return False
 
     async def _follow(self, link: GroundLink, order_id: int) -> int:
-        """Print the progress until the motion ends; 0 if it was completed.
-
-        Reports about an earlier order may still arrive; they are ignored.
-        """
+        """Print the progress of this order until the motion ends; 0 if it was completed."""
         while True:
             state = asyncio.create_task(self._states.get())
             stopping = asyncio.create_task(self._stopping.wait())

@@ -210,10 +210,10 @@ def _run(make: Callable[[], Station], lines: TerminalLines) -> None:
     finally:
         ended.set()
         queries_ended.clear()  # for whoever goes on in this program
-        _let_out(lines)
+        _print_rest(lines)
 
 
-def _let_out(lines: TerminalLines) -> None:
+def _print_rest(lines: TerminalLines) -> None:
     """Print the last lines; end the program at once if the terminal accepts none."""
     if not lines.close():
         os._exit(0 if sys.exc_info()[0] is None else 1)
@@ -231,10 +231,12 @@ async def _serve(
     finally:
         # What still reads or computes in a thread, from a disk that hangs, is not waited for.
         queries_ended.set()
-        threading.Thread(target=_end_anyway, args=(code, ended, lines), daemon=True).start()
+        threading.Thread(
+            target=_exit_if_blocked, args=(code, ended, lines), daemon=True
+        ).start()
 
 
-def _end_anyway(code: int, ended: threading.Event, lines: TerminalLines) -> None:
+def _exit_if_blocked(code: int, ended: threading.Event, lines: TerminalLines) -> None:
     """End the program if its event loop still waits for threads."""
     if ended.wait(LAST_THREADS_S):
         return

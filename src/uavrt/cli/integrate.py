@@ -144,7 +144,7 @@ def integrate(
     if plot is not None:
         make_directory(plot, "--plot")
     named, assumed = _antenna(flown, antenna)
-    asked = _Asked(
+    asked = _Options(
         recording=recording,
         opened=opened,
         remarks=remarks,
@@ -199,10 +199,8 @@ def _flights(
         if one.is_file():
             raise ConfigError(
                 f"{one} is not the directory of a flight",
-                remedy=(
-                    "For a recording of another program, give --recording FILE --track "
-                    "FILE --tags FILE"
-                ),
+                remedy="For a recording of another program, give --recording FILE --track "
+                "FILE --tags FILE",
             )
     return [read_flight(one) for one in (first, *others)]
 
@@ -257,7 +255,7 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _Options:
     recording: Path | None
     opened: dict[str, Any]
     remarks: tuple[str, ...]
@@ -272,7 +270,9 @@ _Results = list[tuple[dict[str, Any], str]]
 """JSON record and sentence for each tag."""
 
 
-def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[bool, _Results]:
+def _one_flight(
+    asked: _Options, flight: "Flight", wanted: "list[Tag]"
+) -> tuple[bool, _Results]:
     """Judge one flight; return whether any tag was found, and the results."""
     from uavrt.cli.integrated_words import record, sentence
 
@@ -293,7 +293,10 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
 
 
 def _together(
-    asked: _Asked, flights: "list[Flight]", listed: "Sequence[Tag] | None", ids: tuple[int, ...]
+    asked: _Options,
+    flights: "list[Flight]",
+    listed: "Sequence[Tag] | None",
+    ids: tuple[int, ...],
 ) -> tuple[bool, _Results]:
     """Judge several flights together, one tag at a time to save memory."""
     from uavrt.analysis.several_flights import common_tags, judge_together, share_alone
@@ -339,7 +342,7 @@ def _together(
 
 
 def _judged(
-    asked: _Asked, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
+    asked: _Options, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
 ) -> "list[IntegratedTag]":
     from uavrt.analysis.kept_samples import integrate_kept
     from uavrt.analysis.whole_flight import integrate_flight
@@ -371,7 +374,7 @@ def _check_unused_options(opened: dict[str, Any]) -> None:
 
 
 def _silent(
-    asked: _Asked, flight: "Flight", results: "list[IntegratedTag]"
+    asked: _Options, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
     """Coverage map of each tag that was not found, by tag id; problems are printed."""
     from uavrt.analysis.hindsight import verdict_of
@@ -399,7 +402,7 @@ def _silence(one: "SilentMap | None", files: dict[int, list[Path]]) -> "SilenceR
 
 
 def _keep(
-    asked: _Asked,
+    asked: _Options,
     flight: "Flight",
     results: "list[IntegratedTag]",
     silent: "dict[int, SilentMap]",
@@ -445,10 +448,7 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 
 
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
-    """Find the flight's recording of the full band; None if its kept channels suffice.
-
-    Raises `ConfigError`: the flight has no samples, or several recordings.
-    """
+    """Find the flight's recording of the full band; None if its kept channels suffice."""
     from uavrt.analysis.kept_samples import channel_of, kept_channels
     from uavrt.recording.layout import FlightLayout
 

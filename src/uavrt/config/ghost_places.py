@@ -38,10 +38,7 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with another, may cause a ghost at a frequency.
-
-        `partners_hz`: signals present whenever the original is.
-        """
+        """True if a signal, alone or with its partners, may cause a ghost at a frequency."""
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -57,10 +54,7 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share of a tag's search band in which a signal may cause a ghost, 0 to 1.
-
-        `nominal_hz`, `half_width_hz`: the search band; at most ± 500 Hz are considered.
-        """
+        """Share of a tag's search band in which a signal may cause a ghost, 0 to 1."""
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -71,11 +65,7 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Lowest harmonic of a signal that may be a ghost in a search; -1 is the mirror image.
-
-        `ghost_hz`, `original_hz`: nominal frequencies.
-        `window_hz`: half-width of the search around both.
-        """
+        """Lowest harmonic of a signal that may be a ghost in a search; -1 is the mirror."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)

@@ -11,13 +11,10 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 
 
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
-    """Read a secret key written as hexadecimal digits.
+    """Read a secret key of `least` to `most` bytes from hexadecimal digits.
 
-    `what`: name of the file in messages, such as ``key file``.
-    `least`, `most`: allowed length of the key [bytes].
-    Raises `FormatError`: the path is a pipe, or far too large.
-    Raises `ConfigError`: there is no such file, other users may read or change it, or it does
-    not hold that many hexadecimal digits.
+    `what` names the file in messages. Raises `FormatError` for a pipe or a far too large file.
+    Raises `ConfigError` if it is missing, open to other users, or holds no such key.
     """
     with os_errors_as(ConfigError, f"cannot read the {what} {path}", REMEDY):
         text = read_file(path, KEYS).decode("ascii", "replace")

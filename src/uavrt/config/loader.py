@@ -44,10 +44,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
 
 
 def parse_settings(content: bytes, *, name: str) -> Settings:
-    """Read settings from text; raises `ConfigError` that lists all faults.
-
-    `name`: name of the file in messages.
-    """
+    """Read settings; `name` is for messages. Raises `ConfigError` that lists all faults."""
     from pydantic import ValidationError
 
     try:

@@ -240,11 +240,10 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
 def check_start(
     settings: Settings | None, center_frequency_hz: float | None, gain: float | None
 ) -> int | None:
-    """Check a start or capture command for values that the radio supports; return the gain.
+    """Check frequency and gain of a start or capture command; return the gain.
 
-    `settings`: radio settings; None if the radio is unknown.
-    `center_frequency_hz`, `gain`: values in the command, the gain in the radio's own steps.
-    Raises `ConfigError`: one of the two is out of range; the text gives the range.
+    Raises `ConfigError` with the range if the radio does not support one of them. `settings` is
+    None for an unknown radio.
     """
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]

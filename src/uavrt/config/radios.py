@@ -69,10 +69,7 @@ class RadioRow:
         return f"{_spans(self.receives_mhz)} MHz"
 
     def tuned_hz(self, frequency_hz: float, correction_ppm: float = 0.0) -> float:
-        """Actual frequency when the radio's program is set to a frequency [Hz].
-
-        `correction_ppm`: known error of the crystal.
-        """
+        """Actual frequency of the radio when its program is set to a frequency [Hz]."""
         if not self.tunes_in_float32:
             return frequency_hz
         factor = 1.0 + correction_ppm * 1e-6

@@ -25,12 +25,10 @@ _MOST_LINES = 200
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write some settings; a new file begins with all defaults. Returns the new text.
+    """Write some settings and return the new text; a new file begins with all defaults.
 
-    `path`: ``uavrt.toml``; its permissions stay.
-    `changes`: new values.
-    Raises `ConfigError`: a value is not allowed, or the file has faults or cannot be written.
-    The file then stays as it was.
+    Raises `ConfigError` if a value is not allowed, or the file has faults or cannot be written;
+    the file then stays as it was.
     """
     target = Path(path)
     settings, text = changed_settings(target, changes)

@@ -20,11 +20,7 @@ _TOML_LINE = re.compile(r"^[ \t]*\[", re.M)
 
 
 def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
-    """Read the tags of a ``TagInfo.txt`` or ``tags.toml``.
-
-    Raises `TagFileError`: the file has faults; all are listed, each with its line.
-    Raises `ConfigError`: there is no such file, or it cannot be read.
-    """
+    """Read ``TagInfo.txt`` or ``tags.toml``; raises `TagFileError` with all faults."""
     with os_errors_as(
         ConfigError,
         f"cannot read the tag file {os.fspath(path)}",
@@ -68,10 +64,7 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags by the rules of tag files; empty if all are valid.
-
-    `tags`: tags from a measurement, another program's file, or the radio.
-    """
+    """Check tags of other origin by the rules of tag files; empty if all are valid."""
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
     # The same fault of the same place, which here is the tag's, once.
@@ -113,11 +106,7 @@ def _draft(tag: Tag, place: int) -> TagDraft:
 
 
 def check_tag_file_name(path: str | os.PathLike[str]) -> None:
-    """Reject a file name without a tag format.
-
-    Raises `ConfigError`: it ends neither in ``.toml`` nor in ``.txt``, or is the original
-    detector's ``detectorConfig.txt``, which is another format.
-    """
+    """Raise `ConfigError` for a name that is neither ``.toml`` nor ``.txt``."""
     target = Path(path)
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
@@ -132,10 +121,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
 
 
 def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
-    """Write tags as ``tags.toml`` for ``.toml``, else as ``TagInfo.txt``.
-
-    Raises `ConfigError`: ``TagInfo.txt`` cannot hold a tag with two intervals, or a coded one.
-    """
+    """Format tags as ``tags.toml`` or ``TagInfo.txt``; raises `ConfigError` if impossible."""
     if suffix.lower() == ".toml":
         return format_tags_toml(tags)
     remedy = "Write a file whose name ends in .toml"
@@ -151,11 +137,7 @@ def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
 
 
 def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
-    """Write tags as ``tags.toml`` or ``TagInfo.txt``, depending on the name's ending.
-
-    Raises `ConfigError`: the name is not that of a tag file, ``TagInfo.txt`` cannot hold a tag
-    with two intervals, or the file cannot be written.
-    """
+    """Write ``tags.toml`` or ``TagInfo.txt``, depending on the name; raises `ConfigError`."""
     check_tag_file_name(path)
     target = Path(path)
     text = tags_as_text(tags, target.suffix)

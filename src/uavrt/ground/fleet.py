@@ -13,10 +13,10 @@ from typing import Any
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.link.feed import StationNote
-from uavrt.ground.link.given_ways import GivenWays
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
+from uavrt.ground.link.path_assignments import PathAssignments
 from uavrt.ground.link.protocol import GroundEvent
 from uavrt.ground.session import GroundSession
 from uavrt.ground.snapshots import vehicle_record
@@ -27,7 +27,7 @@ from uavrt.messages import BurstInside, Course, PulsePose
 
 MOST_VEHICLES = 16
 """Most vehicles served; heartbeats and poses of more would overload any radio."""
-TELL_S, TELL_WITHIN_S = 1.0, 0.05
+REPORT_S, REPORT_DELAY_S = 1.0, 0.05
 """Interval of the reports to each drone about the others [s], and longest delay of a changed
 report [s]."""
 
@@ -54,7 +54,7 @@ class Fleet:
         self._links = Links(own, signing=signing)
         self._estimating = asyncio.Lock()
         self.first = self._session(store, None)
-        self._ways = GivenWays()
+        self._assignments = PathAssignments()
         self._tell_due = False
         self._others: dict[int, GroundSession] = {}
         self._tasks: dict[int, asyncio.Task[None]] = {}
@@ -125,18 +125,18 @@ class Fleet:
     def _take_course(self, session: GroundSession, course: Course) -> None:
         """Store a drone's reported course; send changes to the other drones in batches."""
         number = session.vehicle.identity.system_id
-        if number is None or not self._ways.take(number, course, monotonic_s()):
+        if number is None or not self._assignments.take(number, course, monotonic_s()):
             return
         if not self._tell_due:
             self._tell_due = True
-            asyncio.get_running_loop().call_later(TELL_WITHIN_S, self._tell_ways)
+            asyncio.get_running_loop().call_later(REPORT_DELAY_S, self._report_courses)
 
     async def _tell_each_second(self) -> None:
         while True:
-            await asyncio.sleep(TELL_S)
-            self._tell_ways()
+            await asyncio.sleep(REPORT_S)
+            self._report_courses()
 
-    def _tell_ways(self) -> None:
+    def _report_courses(self) -> None:
         """Report the others' courses to each drone that flies by commands."""
         self._tell_due = False
         numbers = {one.vehicle.identity.system_id: one for one in self.sessions}
@@ -145,12 +145,12 @@ class Fleet:
             for number, one in numbers.items()
             if number is not None and one.flying.record() is not None
         ]
-        for number in self._ways.recipients(flying):
+        for number in self._assignments.recipients(flying):
             session = numbers.get(number)
             link = None if session is None else session.vehicle.connection.link
             if link is None:
                 continue
-            for neighbour in self._ways.reports_for(number, monotonic_s()):
+            for neighbour in self._assignments.reports_for(number, monotonic_s()):
                 link.send_neighbour(neighbour)
 
     def _session(self, store: GroundStore, my_place: MyPlace | None) -> GroundSession:

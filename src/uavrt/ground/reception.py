@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 
 from uavrt.ground.estimate_loop import EstimateLoop
 from uavrt.ground.fetch.downloads import Downloads
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.link.protocol import Acknowledged, DetectorAlive, DroneHeartbeat, GroundEvent
 from uavrt.ground.link.served_vehicle import ServedVehicle
 from uavrt.ground.snapshots import pose_record
@@ -36,7 +36,7 @@ class Reception:
         self,
         vehicle: ServedVehicle,
         estimates: EstimateLoop,
-        flying: Flying,
+        flying: MotionCommands,
         downloads: Downloads,
         on_course: Callable[[Course], None],
     ) -> None:

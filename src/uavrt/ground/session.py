@@ -19,7 +19,7 @@ from uavrt.ground.fetch.downloads import Downloads
 from uavrt.ground.link.commands import Commands
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.feed import Feed, StationNote
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
@@ -101,7 +101,7 @@ class GroundSession:
         self.commander = Commander(store.commander)
         self.commands = Commands(self.vehicle)
         self.downloads = Downloads(self.vehicle)
-        self.flying = Flying(self.vehicle)
+        self.flying = MotionCommands(self.vehicle)
         self.reception = Reception(
             self.vehicle, self.estimates, self.flying, self.downloads, partial(on_course, self)
         )

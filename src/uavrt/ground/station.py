@@ -32,7 +32,7 @@ from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
 from uavrt.tunnel.wire import command_name
 
 START_RETRY_S = 2.0
-QUIET_S = 1.0
+LAST_PULSES_WAIT_S = 1.0
 """Time without a pulse after which a stopped drone is assumed to have sent all [s]."""
 STOP_TIMEOUT_S = 12.0
 
@@ -201,9 +201,9 @@ class Station:
         self._show({"event": "stopping"})
         deadline_s = monotonic_s() + STOP_TIMEOUT_S
         # The state on the way when the command arrived may still say "has tags".
-        await asyncio.sleep(QUIET_S)
+        await asyncio.sleep(LAST_PULSES_WAIT_S)
         while monotonic_s() < deadline_s:
-            quiet = monotonic_s() - session.vehicle.drone.last_pulse_s > QUIET_S
+            quiet = monotonic_s() - session.vehicle.drone.last_pulse_s > LAST_PULSES_WAIT_S
             if session.vehicle.drone.state not in ESSENTIAL and quiet:
                 break
             await asyncio.sleep(0.1)

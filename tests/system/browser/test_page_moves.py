@@ -206,7 +206,7 @@ def test_it_goes_where_the_map_is_tapped(field: Field) -> None:
     page.click("#move-goto")
     page.fill("#move-height", "45")
     page.locator("#map canvas").first.click(position={"x": 380, "y": 260})
-    expect(page.locator("#move-hint")).to_contain_text("To ")
+    expect(page.locator("#move-hint")).to_contain_text("Destination: ")
     here.watched.picture("move-goto")
     told = here.fly()
     assert "fly to" in told

@@ -17,8 +17,8 @@ from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
 from uavrt.ground.fetch.flight_list import MOST_NOTED, drone_flights
 from uavrt.ground.fetch.ftp_client import (
-    MOST_DEEP,
     MOST_ENTRIES,
+    MOST_NESTED,
     PART_SUFFIX,
     STALL_NS,
     FileClient,
@@ -425,9 +425,9 @@ def test_directories_without_end_are_left_out_and_counted() -> None:
         return [] if offset else [b"Dmore", b"Flog\t5"]
 
     tree = asyncio.run(rogue(deep).tree("/"))
-    assert len(tree.files) == MOST_DEEP
+    assert len(tree.files) == MOST_NESTED
     assert tree.left_out == 1
-    assert max(path.count("/more") for path in asked) == MOST_DEEP - 1
+    assert max(path.count("/more") for path in asked) == MOST_NESTED - 1
 
 
 async def test_directories_that_multiply_at_each_level_end_at_the_most_entries() -> None:

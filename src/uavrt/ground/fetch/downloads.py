@@ -24,7 +24,7 @@ from uavrt.ground.fetch.ftp_client import (
 )
 from uavrt.ground.fetch.sample_files import is_samples
 from uavrt.ground.link.served_vehicle import ServedVehicle
-from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.ground.store.drone_directory import is_drone_directory
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import Frame
@@ -89,11 +89,7 @@ class Downloads:
         ]
 
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
-        """Start to fetch a flight; its progress is sent to all pages.
-
-        `flight_id`: name of the flight on the drone.
-        `everything`: fetch its recorded samples as well.
-        """
+        """Start to fetch a flight, with its recorded samples if `everything` is True."""
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
         if self._is_own(flight_id):
@@ -186,7 +182,7 @@ class Downloads:
         """True if the drone side runs on this computer and this flight is in its directory."""
         directory = self._vehicle.store.directory
         here = FlightLayout(directory / flight_id).database.is_file()
-        return here and is_the_drones(directory)
+        return here and is_drone_directory(directory)
 
     def _complete(self, flight_id: str) -> bool:
         return FlightLayout(self._place(flight_id)).database.is_file()

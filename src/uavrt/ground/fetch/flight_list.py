@@ -1,7 +1,7 @@
 """List the flights on the drone in the order in which they were flown.
 
-The drone's clock may start in 1970, so the dates in flight names can be wrong. The drone
-therefore records the order of flights in a file (`uavrt.recording.flight_order`).
+The drone's clock may start in 1970, so the dates in flight names can be wrong. The drone keeps
+the order in a file (`uavrt.recording.flight_order`).
 """
 
 from pathlib import PurePosixPath

@@ -28,7 +28,7 @@ REPLY_NS = ns_from_s(1.5)
 """Wait for a reply before the request is repeated [ns]; the queue of a slow radio delays a
 reply by less."""
 TRIES = 10
-QUIET_NS = ns_from_s(2.0)
+BURST_GAP_NS = ns_from_s(2.0)
 """Silence after which a burst is taken as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
 """Longest duration of a burst [ns]; the part received until then is kept."""
@@ -42,16 +42,16 @@ MOST_REPLIES = 4096
 """Most replies queued; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
 """Most requests for one checksum; a drone needs 10 s to compute that of 1 GB."""
-MOST_GROWTH = 16_000_000
+MOST_GROWTH_BYTES = 16_000_000
 """Bytes by which a file may exceed its listed size, since the drone may still be recording
 it."""
 MOST_BYTES = 2_000_000_000
 """Largest flight accepted without its recorded samples [bytes]; ten hours with 100 tags have a
 tenth of that."""
-ROOM_LEFT = 100_000_000
+FREE_BYTES_LEFT = 100_000_000
 """Free space to leave on this computer's disk [bytes]."""
 PART_SUFFIX = ".part"
-MOST_DEEP = 8
+MOST_NESTED = 8
 """Deepest nesting of directories that is listed. Flights have 4; a hostile server could nest
 without end."""
 MOST_ENTRIES = 20_000
@@ -111,7 +111,7 @@ class FileClient:
     async def list_directory(self, path: str) -> list[RemoteEntry]:
         """List a directory; raises `LinkError` if it cannot be listed or never ends."""
         entries: list[RemoteEntry] = []
-        pace = _Pace(LEAST_ENTRIES, f"the list of {path}")
+        pace = _StallWatch(LEAST_ENTRIES, f"the list of {path}")
         while len(entries) < MOST_ENTRIES:
             pace.check(len(entries))
             reply = await self._ask(
@@ -126,25 +126,23 @@ class FileClient:
             entries += new
         raise LinkError(
             f"{path} on the drone has more than {MOST_ENTRIES} files and directories",
-            remedy=(
-                "Name the part to fetch; if this is unexpected, someone may be "
-                "impersonating the drone"
-            ),
+            remedy="Name the part to fetch; if this is unexpected, someone may be "
+            "impersonating the drone",
         )
 
     async def tree(self, path: str) -> RemoteTree:
-        """List the files below a directory, at most `MOST_DEEP` deep and `MOST_ENTRIES`."""
+        """List the files below a directory, at most `MOST_NESTED` deep and `MOST_ENTRIES`."""
         files: list[RemoteEntry] = []
         waiting = [(path, 1)]
         seen = left_out = 0
-        pace = _Pace(LEAST_ENTRIES, f"the list of what is in {path}")
+        pace = _StallWatch(LEAST_ENTRIES, f"the list of what is in {path}")
         while waiting:
             pace.check(seen)
             directory, depth = waiting.pop()
             for entry in await self.list_directory(directory):
                 seen += 1
                 unreachable = len(entry.path.encode()) > DATA_SIZE
-                too_deep = entry.size is None and depth >= MOST_DEEP
+                too_deep = entry.size is None and depth >= MOST_NESTED
                 if seen > MOST_ENTRIES or unreachable or too_deep:
                     left_out += 1
                 elif entry.size is None:
@@ -185,7 +183,7 @@ class FileClient:
         allow(size)
         done, failures = start, 0
         ahead: dict[int, bytes] = {}
-        pace = _Pace(LEAST_BYTES, path, start)
+        pace = _StallWatch(LEAST_BYTES, path, start)
         while done < size:
             pace.check(done)
             if ahead:  # something before it was lost: only that again
@@ -220,7 +218,7 @@ class FileClient:
         self._send(self._request(Opcode.BURST_READ_FILE, offset=offset, size=DATA_SIZE))
         got: dict[int, bytes] = {}
         until_s = _soon(BURST_NS)
-        while (reply := await self._reply(QUIET_NS, until_s)) is not None:
+        while (reply := await self._reply(BURST_GAP_NS, until_s)) is not None:
             if reply.request_opcode != Opcode.BURST_READ_FILE:
                 continue
             self._sequence = max(self._sequence, reply.sequence)
@@ -285,11 +283,8 @@ class FileClient:
         ).encode()
 
 
-class _Pace:
-    """Aborts a transfer that makes no progress.
-
-    `least`: amount that must arrive within `STALL_NS`.
-    """
+class _StallWatch:
+    """Aborts a transfer of which less than `least` arrives within `STALL_NS`."""
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
         self._least, self._what = least, what
@@ -322,10 +317,7 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Raise if a flight is implausibly large or does not fit on this disk.
-
-    `samples`: the flight includes recorded samples, so any size is plausible.
-    """
+    """Raise if a flight exceeds this disk or, without `samples`, has an implausible size."""
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
@@ -339,7 +331,7 @@ def _require_free(place: Path, size: int) -> None:
     parent = place
     while not parent.exists() and parent != parent.parent:
         parent = parent.parent
-    free = shutil.disk_usage(parent).free - ROOM_LEFT
+    free = shutil.disk_usage(parent).free - FREE_BYTES_LEFT
     if size > free:
         raise RecordingError(
             f"{size / 1e6:.0f} MB are needed in {parent}, but only {max(0, free) / 1e6:.0f} MB "
@@ -373,7 +365,7 @@ async def fetch_file(
 
     def allow(size: int) -> None:
         listed = entry.size or 0
-        if size > listed + max(listed, MOST_GROWTH):
+        if size > listed + max(listed, MOST_GROWTH_BYTES):
             raise LinkError(
                 f"{entry.path} has {size} bytes, but the drone listed {listed}",
                 remedy="Fetch it again; if it persists, someone may be impersonating the drone",

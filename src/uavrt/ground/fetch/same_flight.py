@@ -20,7 +20,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"
-MOST_OTHERS = 100
+MOST_RECORDS = 100
 _CORRECTED_S = 2.0
 """Largest correction of a recorded stretch's start time once the drone's clock is set [s]."""
 
@@ -39,7 +39,7 @@ def place_for(new: Path, place: Path) -> Path:
         later = same_recording if place.suffix == ".sigmf-meta" else same_database
         if begins_with(new, place) or later(new, place):
             return place
-    for number in range(1, MOST_OTHERS):
+    for number in range(1, MOST_RECORDS):
         other = place.with_name(f"{place.name}{OTHER_SUFFIX}{number}")
         if not other.exists():
             return other

@@ -5,5 +5,6 @@ to the pages. `protocol` and `delivery_receipts` implement the protocol without 
 `drone_link` runs it over MAVLink and `parallel_links` over several links at once. `commands`
 sends one command at a time, and `vehicle` receives the autopilot's frames. `vehicle_identity`
 and `keys` authenticate the other side. `my_place` reads this computer's own GPS receiver.
-`motion` and `flying` request motions; `given_ways` keeps drones that search together apart.
+`motion` and `flying` request motions; `path_assignments` keeps
+drones that search together apart.
 """

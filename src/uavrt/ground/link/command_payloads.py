@@ -16,7 +16,7 @@ from uavrt.tunnel.g2 import BareG2, RawCaptureG2, StartDetectionG2, TagG2, Uploa
 NUMBERED_FROM = 2**31
 
 
-class Writing:
+class CommandEncoder:
     """Encodes commands for one protocol version.
 
     In G2 each command gets a request id, never 0.
@@ -39,9 +39,7 @@ class Writing:
         if coded and self._generation == "G0":
             raise LinkError(
                 f"the thesis's software cannot search for coded tags (tags {coded})",
-                remedy=(
-                    "Send only the beeping tags, or choose other drone software under Set-up"
-                ),
+                remedy="Send only the beeping tags, or choose another drone software in Set-up",
             )
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"

@@ -197,10 +197,8 @@ class Commands:
                     text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
                 raise RecordingError(
                     text,
-                    remedy=(
-                        "Check that the tag is listed and the disk has space, then repeat "
-                        "the correction"
-                    ),
+                    remedy="Check that the tag is listed and the disk has space, then repeat "
+                    "the correction",
                 ) from error
         drone.beeps[:] = [one for one in drone.beeps if tag_id not in one.tag_ids]
         vehicle.show_tags()

@@ -54,11 +54,7 @@ class Connection:
         return self.link is not None and self.link.protocol.present(now_ns)
 
     async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
-        """Open the configured link; a further vehicle joins the first one's link.
-
-        `tags`: returns the tags that the drone holds.
-        Raises `LinkError`: it cannot be opened; `error` then has the reason, too.
-        """
+        """Open the configured link; `tags` returns the drone's tags. Raises `LinkError`."""
         settings = self._store.settings
         if self._receipts is None:  # once: a link is opened again while the disk hangs, too
             disk = self._store.disk

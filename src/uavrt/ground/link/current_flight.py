@@ -10,7 +10,7 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.config.tag_corrections import still_holds
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.ground.link.feed import Feed
-from uavrt.ground.store.beside_drone import flight_under_way
+from uavrt.ground.store.drone_directory import flight_under_way
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.ground.store.settings import GroundStore
@@ -75,10 +75,7 @@ class CurrentFlight:
         return flight_id
 
     def _drones_own(self) -> Path | None:
-        """Path of the drone side's own recording of this flight; None without one.
-
-        Only a drone side on this computer can record here, and only its packets come from here.
-        """
+        """Path of this flight's recording by a drone side on this computer; None without."""
         if self._store.system_id is not None:
             return None
         with suppress(ConfigError):

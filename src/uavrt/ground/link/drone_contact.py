@@ -45,10 +45,8 @@ class DroneContact:
             return LinkError(
                 f"the drone (component {DRONE_COMPONENT}) is received, but its frames "
                 "are not signed with the given key",
-                remedy=(
-                    "Give the key in the drone's mavlink.signing_key_file, or no key if "
-                    "the drone has none"
-                ),
+                remedy="Give the key in the drone's mavlink.signing_key_file, or no key if "
+                "the drone has none",
             )
         return LinkError(
             f"no drone is received (MAVLink component {DRONE_COMPONENT})",

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 
 from uavrt.commands import NO_UPLOAD, CommandName, Generation
 from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
-from uavrt.ground.link.command_payloads import Writing
+from uavrt.ground.link.command_payloads import CommandEncoder
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_contact import DroneContact
 from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.exchange import ACK_WAIT_S, Exchange
-from uavrt.ground.link.parallel_links import Links, Ways
+from uavrt.ground.link.parallel_links import DroneLinks, Links
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
 from uavrt.ground.link.stored_pulses import new_store
 from uavrt.ground.link.vehicle_identity import VehicleIdentity
@@ -112,13 +112,15 @@ class GroundLink:
         self._on_event = on_event
         self._on_frame = on_frame
         self._progress = progress
-        self.writing = Writing(generation)
+        self.writing = CommandEncoder(generation)
         signing = None if signing_key is None else Signing(signing_key, clock_ns)
-        self._ways = Ways(
+        self._links = DroneLinks(
             (system_id, component_id), self._receive, clock_ns, signing=signing, links=links
         )
         self.contact = DroneContact(signing)
-        self._exchange = Exchange(self.protocol, self._ways, self.contact, clock_ns, ack_wait_s)
+        self._exchange = Exchange(
+            self.protocol, self._links, self.contact, clock_ns, ack_wait_s
+        )
         self.parameters = DroneParameters(self.protocol, self.send, ack_wait_s)
         """The drone's parameters."""
         self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
@@ -127,7 +129,7 @@ class GroundLink:
     @property
     def link(self) -> Link | None:
         """The first MAVLink link that is open."""
-        return next(iter(self._ways.links), None)
+        return next(iter(self._links.links), None)
 
     async def run(self, *addresses: str) -> None:
         """Serve the links until cancelled.
@@ -139,9 +141,9 @@ class GroundLink:
         Raises `LinkError`: none could be opened.
         """
         try:
-            opening = await self._ways.open(addresses)
+            opening = await self._links.open(addresses)
         except UavrtError:
-            await self._ways.close(opened=bool(addresses))
+            await self._links.close(opened=bool(addresses))
             raise
         try:
             next_heartbeat_ns = turn = 0
@@ -149,20 +151,20 @@ class GroundLink:
                 now_ns = self._clock_ns()
                 if addresses and now_ns >= next_heartbeat_ns:
                     next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
-                    self._ways.send_by_all(self.protocol.heartbeat())
+                    self._links.send_by_all(self.protocol.heartbeat())
                 self._acknowledge()
                 receipt = self.protocol.receipt(now_ns)
                 if receipt is not None:
-                    self._ways.answer(receipt)
-                links = self._ways.alive() or self._ways.best()
+                    self._links.answer(receipt)
+                links = self._links.alive() or self._links.best()
                 for message in self.protocol.signs_of_life(len(links), now_ns):
-                    self._ways.send(message, links[turn % len(links)])
+                    self._links.send(message, links[turn % len(links)])
                     turn += 1
                 await asyncio.sleep(RECEIPT_POLL_S)
         finally:
             for task in opening:
                 task.cancel()
-            await self._ways.close(opened=bool(addresses))
+            await self._links.close(opened=bool(addresses))
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
         """Wait until component 191 is received; raises `LinkError` after `timeout_s`."""
@@ -212,10 +214,7 @@ class GroundLink:
     async def start_detection(
         self, *, center_frequency_hz: float | None = None, gain: int = 0
     ) -> str:
-        """Start detection; return the drone's message, which is the flight directory.
-
-        A frequency of None is sent as 0: the drone's tuner chooses.
-        """
+        """Start detection, tuned automatically for None; return the flight directory."""
         payload = self.writing.start(center_frequency_hz, gain)
         return (await self.command(payload)).message
 
@@ -245,13 +244,13 @@ class GroundLink:
     @property
     def faults(self) -> int:
         """Number of frames that could not be handled, on all links."""
-        return sum(link.counters.faults for link in self._ways.links)
+        return sum(link.counters.faults for link in self._links.links)
 
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
         if isinstance(message, FileTransferProtocol):
             self.protocol.files_asked_ns = self._clock_ns()
-        self._ways.send(message)
+        self._links.send(message)
 
     def _receive(self, frame: Frame, link: int) -> None:
         if not self.contact.accepts(frame):
@@ -271,7 +270,7 @@ class GroundLink:
         if self.protocol.drone is not None:
             self.contact.made.set()
             if Peer(frame.system_id, frame.component_id) == self.protocol.drone:
-                self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
+                self._links.drone_received(link, pulse=frame.message_id == Tunnel.ID)
 
     def _acknowledge(self) -> None:
         """Add the pulses that are on the disk to the next receipt."""

@@ -78,10 +78,7 @@ class DroneParameters:
         raise LinkError("the drone's parameters did not arrive", remedy="Try again")
 
     async def set(self, name: str, value: float) -> float:
-        """Set a parameter; return its value afterwards.
-
-        Raises `CommandRefused`: the drone kept another value; its status text has the reason.
-        """
+        """Set a parameter; return its value. Raises `CommandRefused` if it did not change."""
         drone = self._drone()
         await self._learn_encoding(drone)
         for _ in range(TRIES):

@@ -8,7 +8,7 @@ from typing import Any
 
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.drone_contact import DroneContact
-from uavrt.ground.link.parallel_links import Ways
+from uavrt.ground.link.parallel_links import DroneLinks
 from uavrt.ground.link.protocol import Acknowledged, GroundEvent, GroundProtocol
 from uavrt.mavlink.waiting import within
 from uavrt.tunnel.codec import acked_command_of
@@ -36,12 +36,12 @@ class Exchange:
     def __init__(
         self,
         protocol: GroundProtocol,
-        ways: Ways,
+        links: DroneLinks,
         contact: DroneContact,
         clock_ns: Callable[[], int],
         ack_wait_s: float,
     ) -> None:
-        self._protocol, self._ways, self._contact = protocol, ways, contact
+        self._protocol, self._links, self._contact = protocol, links, contact
         self._clock_ns = clock_ns
         self._ack_wait_s = ack_wait_s
         self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
@@ -65,9 +65,9 @@ class Exchange:
         assert number is not None
 
         def send(attempt: int) -> None:
-            order = self._ways.best()
+            order = self._links.best()
             message = self._protocol.tunnel_message(payload, payload_type)
-            self._ways.send(message, order[attempt % len(order)])
+            self._links.send(message, order[attempt % len(order)])
 
         async with self._busy:
             answer = await self._until_answered(
@@ -96,7 +96,7 @@ class Exchange:
         """
 
         def send(_attempt: int) -> None:
-            self._ways.send(self._protocol.tunnel_message(payload, MOTION_TYPE))
+            self._links.send(self._protocol.tunnel_message(payload, MOTION_TYPE))
 
         wait_s = min(self._ack_wait_s, STOP_WAIT_S) if is_stop(payload) else self._ack_wait_s
         tries = 1 if is_confirmation(payload) else ceil(TRIES * self._ack_wait_s / wait_s)

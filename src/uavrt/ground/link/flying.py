@@ -36,7 +36,7 @@ Places = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Offered:
+class ProposedMotion:
     """Motion that the drone proposes to fly, and waits to be confirmed."""
 
     state: MotionState
@@ -46,15 +46,15 @@ class Offered:
     """Name of the page that requested the motion."""
 
 
-class Flying:
+class MotionCommands:
     """Requests and confirms the motions of one vehicle."""
 
     def __init__(self, vehicle: ServedVehicle) -> None:
         self._vehicle = vehicle
         self._state: MotionState | None = None
         self._heard_ns = 0
-        self._offered: Offered | None = None
-        self._flown: Offered | None = None
+        self._offered: ProposedMotion | None = None
+        self._flown: ProposedMotion | None = None
         self._told = ("", "")
 
     def take(self, state: MotionState) -> None:
@@ -123,7 +123,7 @@ class Flying:
         self._offered = None
         offer = await ask(self._link(), request)
         now_ns = self._vehicle.clock.now_ns()
-        self._offered = Offered(state=offer, way=way, time_ns=now_ns, page=page)
+        self._offered = ProposedMotion(state=offer, way=way, time_ns=now_ns, page=page)
         self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
         self._vehicle.feed.send_state()
         return {"order_id": offer.order_id, "text": offer.text, "way": _listed(way)}
@@ -147,11 +147,7 @@ class Flying:
     async def upload(
         self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
     ) -> dict[str, Any]:
-        """Upload a survey to the autopilot as its mission; a pilot starts it.
-
-        `call`: runs the check of the path outside the event loop, since 1000 corners take
-        seconds.
-        """
+        """Upload a survey as the autopilot's mission; `call` runs the check of the path."""
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._vehicle.connection.link

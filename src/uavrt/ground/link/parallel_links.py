@@ -110,7 +110,7 @@ class Links:
                 stack.callback(listener, frame, number)
 
 
-class Ways:
+class DroneLinks:
     """The links to one drone.
 
     `links`: links shared with other drones; None: this drone has its own.
@@ -184,7 +184,7 @@ class Ways:
         fresh = self._fresh(self._drone_heard_ns.get(self._pulses_by), self._clock_ns())
         self.send(message, self._pulses_by if fresh else None)
 
-    def heard_drone(self, link: int, *, pulse: bool) -> None:
+    def drone_received(self, link: int, *, pulse: bool) -> None:
         """Record on which link the drone was received; `pulse`: the frame held a pulse."""
         self._drone_heard_ns[link] = self._clock_ns()
         if pulse:

@@ -142,7 +142,7 @@ class GroundProtocol:
         self._sealer = sealer
         self._generation: Generation = generation
         self.receipts = receipts
-        self._in_hand: list[bytes] = []
+        self._frame_pulses: list[bytes] = []
         """Pulse payloads of the frame received last."""
         self._uncommitted: dict[bytes, int] = {}
         """Payloads of accepted pulses that may not be on the disk yet, in order. Values: number
@@ -176,8 +176,8 @@ class GroundProtocol:
 
     def taken(self, count: int = 0) -> None:
         """Record that the store accepted the last received pulses, as item number `count`."""
-        self._uncommitted.update(dict.fromkeys(self._in_hand, count))
-        self._in_hand.clear()
+        self._uncommitted.update(dict.fromkeys(self._frame_pulses, count))
+        self._frame_pulses.clear()
 
     def stored(self, count: int = 0) -> None:
         """Acknowledge all pulses up to item number `count`: they are on the disk."""
@@ -229,7 +229,7 @@ class GroundProtocol:
 
     def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
         """Handle a frame; return the events that it contains."""
-        self._in_hand.clear()  # what could not be taken is to come again
+        self._frame_pulses.clear()  # what could not be taken is to come again
         if frame.component_id != DRONE_COMPONENT:
             return []
         peer = Peer(frame.system_id, frame.component_id)
@@ -295,14 +295,14 @@ class GroundProtocol:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad tunnel payload", error)
             if plain and acked_command_of(payload) == CommandId.PULSE:
-                self._in_hand.append(payload)  # in the log; again it would be no better
+                self._frame_pulses.append(payload)  # in the log; again it would be no better
             return []
         if event is None:
             return []
         if isinstance(event, PulsePose | BurstInside):
             if self._repeated(payload):
                 return []
-            self._in_hand.append(payload)
+            self._frame_pulses.append(payload)
         self.counters[type(event).__name__] += 1
         return [event]
 

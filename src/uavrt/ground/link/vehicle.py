@@ -16,7 +16,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 POSE_SILENCE_NS = ns_from_s(3.0)
 ASK_AGAIN_NS = ns_from_s(5.0)
-ASKED_HZ = 5.0
+REQUESTED_HZ = 5.0
 """Rate of attitude and position requested from an autopilot that sends none [Hz]; both together
 take 0.4 kB/s."""
 FACTS_AGAIN_NS = ns_from_s(20.0)
@@ -159,7 +159,7 @@ class VehicleWatch:
         self._asked_ns = now_ns
         assert self.autopilot is not None
         return [
-            _interval(self.autopilot, message_id, 1e6 / ASKED_HZ)
+            _interval(self.autopilot, message_id, 1e6 / REQUESTED_HZ)
             for message_id in (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID)
         ]
 

@@ -16,9 +16,9 @@ FOREIGN_NS = ns_from_s(60.0)
 """Time for which a reply with a foreign unique number counts [ns]; the autopilot is queried
 three times in it."""
 MAX_OTHERS = 16
-APART_M, SAME_M, TIMES = 40.0, 15.0, 4
-"""Two stations share one number if the position jumps by `APART_M` [m] and returns within
-`SAME_M` [m], `TIMES` times in a row."""
+JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
+"""Two stations share one number if the position jumps by `JUMP_M` [m] and returns within
+`RETURN_M` [m], `JUMPS` times in a row."""
 
 
 class VehicleIdentity:
@@ -86,12 +86,12 @@ class _Places:
     def take(self, place: tuple[float, float]) -> bool:
         """Add a position; True if two stations send under this number."""
         last, self._last = self._last, place
-        if last is None or distance_m(*last, *place) < APART_M:
+        if last is None or distance_m(*last, *place) < JUMP_M:
             return False
         before, self._before = self._before, last
-        returned = before is not None and distance_m(*before, *place) < SAME_M
+        returned = before is not None and distance_m(*before, *place) < RETURN_M
         self._back = self._back + 1 if returned else 0
-        return self._back >= TIMES
+        return self._back >= JUMPS
 
 
 def unique_number(message: dialect.AutopilotVersion) -> str | None:

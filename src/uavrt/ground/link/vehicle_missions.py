@@ -32,7 +32,7 @@ from uavrt.messages import VehicleFence
 
 POLL_S = 0.05
 HOME_WITHIN_S, ASKS_EVERY_S = 8.0, 1.0
-HEARD_WITHIN_S = 5.0
+HEARTBEAT_GAP_S = 5.0
 """Longest gap between heartbeats in contact [s]. They come each second; at 20 % loss, four in a
 row are lost once in ten minutes."""
 
@@ -107,10 +107,7 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Upload a survey, if it stays within the fence and the drone returns within it.
-
-        `call`: runs the check of the path outside the event loop.
-        """
+        """Upload a survey that stays within the fence; `call` runs the check of the path."""
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
         home, fence = await self.home(), await self.fence()
@@ -132,10 +129,8 @@ class VehicleMissions:
                     return self._homes[peer.system_id]
         raise CommandRefused(
             "home position unknown: cannot check the fence",
-            remedy=(
-                "Wait for the vehicle's position, or save the survey and check it in "
-                "QGroundControl"
-            ),
+            remedy="Wait for the vehicle's position, or save the survey and check it in "
+            "QGroundControl",
         )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
@@ -222,7 +217,7 @@ class VehicleMissions:
         return {
             number: one
             for number, one in self._autopilots.items()
-            if now_s - one.heard_s < HEARD_WITHIN_S
+            if now_s - one.heard_s < HEARTBEAT_GAP_S
         }
 
     def _check_mode(self, manners: Manners) -> None:

@@ -120,10 +120,7 @@ class Estimator:
         self._past: tuple[tuple[Path, str, float], list[HeardInTurn]] | None = None
 
     def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
-        """Turns in the drone's past flights, from which its antenna pattern is learned.
-
-        Each flight is read once per antenna; unreadable flights are left out.
-        """
+        """Readable turns of the drone's past flights, to learn its antenna pattern from."""
         if antenna.pattern == MONOPOLE:
             return ()
         key = (place, antenna.pattern, antenna.offset_deg)

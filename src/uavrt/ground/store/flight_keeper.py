@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import RecordingError
-from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.ground.store.drone_directory import is_drone_directory
 from uavrt.ground.store.flight_queue import FlightQueue
 from uavrt.ground.store.flight_writer import FlightWriter, Stored
 from uavrt.ground.store.flights import Columns
@@ -88,11 +88,7 @@ class FlightKeeper:
         return len(self._live.keys)
 
     def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
-        """Begin a flight; return its name.
-
-        `flown`: the drone's own recording of this flight in the same directory; ours becomes
-        its copy.
-        """
+        """Begin a flight; return its name. `flown`: drone's recording that ours copies."""
 
         def is_taken(path: Path) -> bool:
             return path in self._begun or path.exists()
@@ -112,7 +108,7 @@ class FlightKeeper:
             sample_rate_hz=math.nan,
             tags=tuple(tags),
         )
-        among = flown is None and is_the_drones(self._directory)
+        among = flown is None and is_drone_directory(self._directory)
         self.queue.put(lambda writer: writer.begin(info, among_the_drones=among))
         self._path = path
         self._forget(path.name, now_ns)
@@ -121,10 +117,7 @@ class FlightKeeper:
         return path.name
 
     def resume(self, flight_id: str) -> bool:
-        """Continue with a flight after a restart; False if it no longer exists.
-
-        Reads and writes in the calling thread, which should be the disk thread if there is one.
-        """
+        """Continue with a flight after a restart, in this thread; False if it is gone."""
         path = self._directory / flight_id
         if Path(flight_id).name != flight_id:
             return False

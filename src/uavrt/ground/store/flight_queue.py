@@ -16,14 +16,14 @@ log = get_logger()
 MOST_WAITING = 10_000
 """Most pulses queued for a failing disk; the drone keeps all others and repeats them until
 acknowledged."""
-MOST_OTHERS = 20_000
+MOST_RECORDS = 20_000
 """Most poses, notes and similar records queued while the disk does not answer."""
 RETRY_S = 1.0
 """Pause before a failed write is repeated [s]."""
 SLOW_S = 2.0
 """Duration above which a write is reported as slow [s]; a healthy memory card takes
 milliseconds."""
-TURN_S = 0.01
+SETTLE_CHECK_S = 0.01
 """Interval at which `settle` checks whether a write has ended [s]."""
 
 
@@ -97,7 +97,7 @@ class FlightQueue:
 
     def record(self, write: Callable[[FlightRecorder], None]) -> None:
         """Queue a write that needs no receipt; it is discarded if the queue is full."""
-        if len(self._works.waiting) < MOST_WAITING + MOST_OTHERS:
+        if len(self._works.waiting) < MOST_WAITING + MOST_RECORDS:
             self.put(lambda writer: writer.record(write))
         else:
             self._left_out += 1
@@ -141,4 +141,4 @@ class FlightQueue:
             self.commit()
         end_s = monotonic_s() + within_s
         while self._works.handed_s is not None and monotonic_s() < end_s:  # noqa: ASYNC110
-            await asyncio.sleep(TURN_S)
+            await asyncio.sleep(SETTLE_CHECK_S)

@@ -249,10 +249,7 @@ class FlightLibrary:
         )
 
     def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
-        """Read a vehicle's idle receiver noise in its past flights [dB].
-
-        Flights without a vehicle number count for each vehicle.
-        """
+        """Idle receiver noise in past flights of a vehicle, or of an unknown one [dB]."""
         flights = (
             flight
             for flight in self.summaries()

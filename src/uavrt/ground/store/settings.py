@@ -191,10 +191,7 @@ class GroundStore:
         self.tags = tags
 
     def correct_tag(self, correction: TagCorrection) -> None:
-        """Correct a listed tag by a measurement; keep the old values.
-
-        Raises `ConfigError`, `OSError`: the tag is gone, or one of the files cannot be written.
-        """
+        """Correct a listed tag and keep its old values; raises `ConfigError`, `OSError`."""
         tags = {tag.tag_id: tag for tag in self.tags}
         before = tags.get(correction.tag_id)
         if before is None:
@@ -238,10 +235,7 @@ class GroundStore:
         self._write_soon()
 
     def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
-        """Store the served vehicle and the commanding page, for a restart in flight.
-
-        Called repeatedly, so that a write refused by a full disk is made once there is room.
-        """
+        """Store the served vehicle and commanding page, again after a refused write."""
         if self._behind or (self.vehicle, self.commander) != ((system_id, uid), page):
             self.vehicle, self.commander = (system_id, uid), page
             self._write_soon()

@@ -63,10 +63,7 @@ class PulseLines:
 
 
 def read_ground_pulses(directory: Path, since_ns: int = 0) -> list[Pulse]:
-    """Read the pulses that a ground station has stored, with or without a page.
-
-    `since_ns`: leaves out flights that began earlier [ns, UTC].
-    """
+    """Read stored pulses of all flights that began at or after `since_ns` [ns, UTC]."""
     flights = [read_flight(path.parent) for path in directory.glob("*/flight.sqlite")]
     if flights:
         return [

@@ -158,10 +158,7 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
 
 
 def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
-    """Ids of tags that TagTracker's ``TagInfo.db`` lists but does not search for.
-
-    None if no file has such a column.
-    """
+    """Ids that ``TagInfo.db`` lists but does not search for; None without such a column."""
     table = [cells for text in files.values() for cells in read_csv(text)]
     found = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
     numbers = [

@@ -16,9 +16,9 @@ from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.tag_table import rows_from_tags
 from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.web.exports import EXPORTS, export
-from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
-from uavrt.ground.web.integrating import IntegrationDesk, fold_pictures
-from uavrt.ground.web.map_desk import asks_again
+from uavrt.ground.web.flight_maps import CoverageMapJobs, CoverageMapRequest, integrated_record
+from uavrt.ground.web.integration_jobs import IntegrationJobs, fold_pictures
+from uavrt.ground.web.map_jobs import is_repeated
 from uavrt.ground.web.reports import POLICY, Reporter
 from uavrt.ground.web.routing import Answer, Row, download, json_body, json_object, whole_number
 
@@ -32,8 +32,8 @@ class FlightApi:
         self._store, self._library = store, library
         self._estimates: dict[tuple[Any, ...], Estimates] = {}
         self._reporter = Reporter(store.directory / "reports")
-        self._silence = SilenceDesk()
-        self._integration = IntegrationDesk()
+        self._silence = CoverageMapJobs()
+        self._integration = IntegrationJobs()
 
     def routes(self) -> list[Row]:
         """List the routes."""
@@ -94,10 +94,7 @@ class FlightApi:
         return await self._of(request, self._library.records, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """All pulses as columns of little-endian float64, with their names in a header.
-
-        ``?names=tag_id,yaw_deg`` selects columns.
-        """
+        """Pulses as float64 columns, named in a header; ``?names=tag_id,yaw_deg`` selects."""
         names = request.query_params.get("names")
         return await self._of(
             request,
@@ -148,13 +145,13 @@ class FlightApi:
     async def silence(self, request: Request) -> Any:
         """Map of where a tag would have been detected, or its progress."""
         path, wanted = await self._path(request), await json_body(request)
-        asked = Silence.asked(path, self._antenna, wanted)
-        return await asyncio.to_thread(self._silence.answer, asked, again=asks_again(wanted))
+        asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
+        return await asyncio.to_thread(self._silence.answer, asked, again=is_repeated(wanted))
 
     async def absence(self, request: Request) -> Any:
         """Probability that an undetected tag is outside an outline."""
         path, wanted = await self._path(request), await json_body(request)
-        asked = Silence.asked(path, self._antenna, wanted)
+        asked = CoverageMapRequest.from_request(path, self._antenna, wanted)
         return await asyncio.to_thread(self._silence.absence, asked, wanted)
 
     async def export(self, request: Request) -> Any:

@@ -54,10 +54,7 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the process; raises `UavrtError` or `CommandRefused`.
-
-        If this call is cancelled, the process is ended.
-        """
+        """Call a function in the process, ended if this is cancelled; raises `UavrtError`."""
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} files are waiting to be read", remedy="Try again in a minute"

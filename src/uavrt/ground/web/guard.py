@@ -16,7 +16,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from uavrt.ground.web.password_tries import Guesses
+from uavrt.ground.web.password_limit import PasswordLimit
 
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 COOKIE = "uavrt_ground"
@@ -75,7 +75,7 @@ class Guard:
         self._app = app
         self._hosts = LOCAL_NAMES | {host.lower() for host in hosts}
         self._password = password
-        self.guesses = Guesses()
+        self.guesses = PasswordLimit()
         self._session = secrets.token_urlsafe(32)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -78,10 +78,8 @@ async def store_map(
     if not _NAME.fullmatch(name):
         raise UsageError(
             f"{name[:80]!r} is not a valid name for a map file",
-            remedy=(
-                "Use letters, digits, spaces and . ( ) - _, and end the name in .pmtiles "
-                "or .mbtiles"
-            ),
+            remedy="Use letters, digits, spaces and . ( ) - _, and end the name in .pmtiles "
+            "or .mbtiles",
         )
     taken = 0
     # A folder of its own: errors name the file, and two may come at once.

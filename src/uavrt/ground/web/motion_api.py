@@ -5,21 +5,23 @@ from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.flying import MotionCommands
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.web.foreign_requests import area_in_body
 from uavrt.ground.web.foreign_worker import ForeignWorker
-from uavrt.ground.web.foresight import Foresight, foresight_desk
-from uavrt.ground.web.map_desk import asks_again
+from uavrt.ground.web.map_jobs import is_repeated
+from uavrt.ground.web.plan_maps import PlanMapRequest, plan_map_jobs
 from uavrt.ground.web.routing import Row, json_body, page_of
 
 
 class MotionApi:
     """Routes for the motions of one vehicle's drone."""
 
-    def __init__(self, flying: Flying, store: GroundStore, worker: ForeignWorker) -> None:
+    def __init__(
+        self, flying: MotionCommands, store: GroundStore, worker: ForeignWorker
+    ) -> None:
         self._flying, self._store, self._worker = flying, store, worker
-        self._foresight = foresight_desk()
+        self._foresight = plan_map_jobs()
 
     def routes(self) -> list[Row]:
         """List the routes."""
@@ -44,8 +46,8 @@ class MotionApi:
     async def coverage(self, request: Request) -> Any:
         """Map of where a tag would be detected along a plan, or its progress."""
         store, wanted = self._store, await json_body(request)
-        asked = Foresight.asked(wanted, store.tags, store.settings.antenna_choice)
-        return await asyncio.to_thread(self._foresight.answer, asked, again=asks_again(wanted))
+        asked = PlanMapRequest.from_request(wanted, store.tags, store.settings.antenna_choice)
+        return await asyncio.to_thread(self._foresight.answer, asked, again=is_repeated(wanted))
 
     async def upload(self, request: Request) -> Any:
         """Upload a survey to the autopilot as its mission. Nothing moves yet."""

@@ -14,7 +14,7 @@ from typing import Any
 from uavrt.clock import monotonic_s
 from uavrt.errors import ConfigError
 from uavrt.ground.station import Station, StationSettings
-from uavrt.ground.web.password_tries import LEAST_PASSWORD
+from uavrt.ground.web.password_limit import LEAST_PASSWORD
 from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket, page_server
 from uavrt.heap import HeapKeeper
 

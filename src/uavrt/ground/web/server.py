@@ -28,9 +28,13 @@ from uavrt.foreign import KEYS, read_file
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web import maps
+from uavrt.ground.web.access_qr import Served, access_list
 from uavrt.ground.web.api import api_rows
-from uavrt.ground.web.doorkeeper import ListeningSocket, doors_watched, protocol_of
-from uavrt.ground.web.doors import Served, doors
+from uavrt.ground.web.connection_limits import (
+    ListeningSocket,
+    connections_limited,
+    limited_protocol,
+)
 from uavrt.ground.web.drone_flights import ExtraApi
 from uavrt.ground.web.fleet_api import FleetApi
 from uavrt.ground.web.flight_lists import FlightListApi
@@ -135,9 +139,9 @@ class PageServer(uvicorn.Server):
         """Serve the page, with a limited number of connections per client."""
         entrance = sockets[0] if sockets else None
         assert isinstance(entrance, ListeningSocket)
-        self.config.http = protocol_of(entrance)
+        self.config.http = limited_protocol(entrance)
         try:
-            with doors_watched(entrance):
+            with connections_limited(entrance):
                 await super().serve(sockets)
         finally:
             assert isinstance(self.config.app, Starlette)
@@ -189,7 +193,7 @@ def _doors(settings: ServerSettings) -> Handler:
     )
 
     async def ways_in(request: Request) -> Any:
-        return doors(served, request.url)
+        return access_list(served, request.url)
 
     return ways_in
 

@@ -87,10 +87,7 @@ class SetUpApi:
 
 
 def set_up_rows(session: GroundSession, config: Path | None) -> list[Row]:
-    """List the routes of the set-up.
-
-    `config`: path of the drone side's settings on this computer; None: the page runs elsewhere.
-    """
+    """List the routes of the set-up; `config` is None if the page runs elsewhere."""
     if config is None:
         return [Row("/set-up", "GET", _unwanted)]
     # Only a drone's computer has what it looks at; the page of a laptop runs anywhere.

@@ -37,10 +37,10 @@ class _Connection:
 
     socket: socket.socket
     since_s: float = field(default_factory=monotonic_s)
-    has_asked: bool = False
+    has_request: bool = False
 
 
-class _Counted(socket.socket):
+class _ReportingSocket(socket.socket):
     """Socket that calls `on_close` when it is closed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -76,7 +76,7 @@ class ListeningSocket(socket.socket):
         except BlockingIOError:
             self._taken = 0
             raise
-        taken = _Counted(plain.family, plain.type, plain.proto, fileno=plain.detach())
+        taken = _ReportingSocket(plain.family, plain.type, plain.proto, fileno=plain.detach())
         peer = (str(address[0]), int(address[1]))
         if not self._make_room(peer[0]):
             self.refused += 1
@@ -86,16 +86,16 @@ class ListeningSocket(socket.socket):
         taken.on_close = lambda: self._forget(peer, one)
         return taken, address
 
-    def asked(self, peer: Peer) -> None:
+    def request_received(self, peer: Peer) -> None:
         """Record that a client's connection has sent a complete request."""
         if (one := self._open.get(peer)) is not None:
-            one.has_asked = True
+            one.has_request = True
 
     def close_silent(self) -> None:
         """Close connections whose request or TLS handshake is not complete in time."""
         before_s = monotonic_s() - SILENT_S
         for peer, one in list(self._open.items()):
-            if not one.has_asked and one.since_s < before_s:
+            if not one.has_request and one.since_s < before_s:
                 self._end(peer, one)
 
     def _make_room(self, host: str) -> bool:
@@ -107,7 +107,7 @@ class ListeningSocket(socket.socket):
 
     def _end_oldest(self, some: list[tuple[Peer, _Connection]]) -> bool:
         for peer, one in some:  # in the order in which they came
-            if not one.has_asked:
+            if not one.has_request:
                 self._end(peer, one)
                 return True
         return False
@@ -124,10 +124,10 @@ class ListeningSocket(socket.socket):
             del self._open[peer]
 
 
-class AskingProtocol(H11Protocol):
+class LimitedProtocol(H11Protocol):
     """HTTP protocol that reports complete requests to its listening socket."""
 
-    doors: ListeningSocket | None = None
+    listening: ListeningSocket | None = None
 
     def handle_events(self) -> None:
         """Handle received data, as uvicorn does."""
@@ -141,30 +141,30 @@ class AskingProtocol(H11Protocol):
         super().handle_websocket_upgrade(event)
 
     def _asked(self) -> None:
-        if self.doors is not None and self.client is not None:
-            self.doors.asked(self.client)
+        if self.listening is not None and self.client is not None:
+            self.listening.request_received(self.client)
 
 
-def protocol_of(doors: ListeningSocket) -> type[AskingProtocol]:
+def limited_protocol(listening: ListeningSocket) -> type[LimitedProtocol]:
     """Make the protocol class for the connections of a listening socket."""
-    return type("AskingProtocol", (AskingProtocol,), {"doors": doors})
+    return type("LimitedProtocol", (LimitedProtocol,), {"listening": listening})
 
 
 @contextlib.contextmanager
-def doors_watched(doors: ListeningSocket) -> Iterator[None]:
+def connections_limited(listening: ListeningSocket) -> Iterator[None]:
     """Context that closes silent connections and limits descriptors used by connections."""
-    doors.most = min(MOST_CONNECTIONS, max(8, _descriptors() // _SHARE_OF_FILES))
-    watching = asyncio.get_running_loop().create_task(_watch(doors))
+    listening.most = min(MOST_CONNECTIONS, max(8, _descriptors() // _SHARE_OF_FILES))
+    watching = asyncio.get_running_loop().create_task(_watch(listening))
     try:
         yield
     finally:
         watching.cancel()
 
 
-async def _watch(doors: ListeningSocket) -> None:
+async def _watch(listening: ListeningSocket) -> None:
     while True:
         await asyncio.sleep(SILENT_S / 5.0)
-        doors.close_silent()
+        listening.close_silent()
 
 
 def _descriptors() -> int:

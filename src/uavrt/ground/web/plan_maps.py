@@ -11,7 +11,7 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.geodesy import distance_m
 from uavrt.ground.link.flying import number_in, places_in
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, figures, map_record, power_in
+from uavrt.ground.web.map_jobs import MapJobs, OnStep, Record, figures, map_record, power_in
 from uavrt.localization.antenna import pattern_named
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
@@ -35,7 +35,7 @@ _MOST_PULSES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foresight:
+class PlanMapRequest:
     """Requested maps of a plan."""
 
     places: tuple[tuple[float, float], ...]
@@ -52,9 +52,9 @@ class Foresight:
     antenna: AntennaChoice
 
     @classmethod
-    def asked(
+    def from_request(
         cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
-    ) -> "Foresight":
+    ) -> "PlanMapRequest":
         """Read a page's request; raises `FormatError` or `UsageError`."""
         from uavrt.analysis.coverage import assumed_tag
 
@@ -75,17 +75,17 @@ class Foresight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Foreseen:
+class PlanMaps:
     """Coverage maps of a plan, one per height."""
 
-    asked: Foresight
+    request: PlanMapRequest
     maps: "tuple[Coverage, ...]"
     best: int
 
 
-def foresight_desk() -> MapDesk[Foresight, Foreseen]:
-    """Make the `MapDesk` that computes maps of plans."""
-    return MapDesk(_made, _record, "map of a plan")
+def plan_map_jobs() -> MapJobs[PlanMapRequest, PlanMaps]:
+    """Make the `MapJobs` that computes maps of plans."""
+    return MapJobs(_made, _record, "map of a plan")
 
 
 def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
@@ -141,53 +141,54 @@ def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
     )
 
 
-def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
+def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
     # Loaded with the first question only, as in `_size`.
     from uavrt.analysis import coverage
 
     plane, corners = (
-        coverage.corners_of_way(asked.places)
-        if asked.spacing_m is None
-        else coverage.corners_over_area(asked.places, asked.spacing_m, most=_MOST_LINES)
+        coverage.corners_of_way(request.places)
+        if request.spacing_m is None
+        else coverage.corners_over_area(request.places, request.spacing_m, most=_MOST_LINES)
     )
     east, north = np.array(corners).T
-    dem = asked.antenna.dem
+    dem = request.antenna.dem
     size = _size(float(np.ptp(east)), float(np.ptp(north)))
-    pulses = coverage.pulses_on(corners, asked.tag, asked.speed_m_s)
-    if pulses * len(asked.heights_m) > _MOST_PULSES:
+    pulses = coverage.pulses_on(corners, request.tag, request.speed_m_s)
+    if pulses * len(request.heights_m) > _MOST_PULSES:
         raise UsageError(
-            f"a map of {pulses:.0f} pulses from {len(asked.heights_m)} heights takes too long",
+            f"a map of {pulses:.0f} pulses from {len(request.heights_m)} heights takes too "
+            "long",
             remedy="Choose fewer heights, wider lines or a smaller area",
         )
     area = coverage.map_around(
         plane, east, north, open_elevation(Path(dem)) if dem else None, size
     )
     budget = LinkBudget(
-        frequency_hz=asked.tag.frequency_hz,
-        pulse_width_s=asked.tag.pulse_width_s,
-        tag_eirp_dbm=asked.tag_power_dbm,
-        drone_height_m=asked.heights_m[0],
+        frequency_hz=request.tag.frequency_hz,
+        pulse_width_s=request.tag.pulse_width_s,
+        tag_eirp_dbm=request.tag_power_dbm,
+        drone_height_m=request.heights_m[0],
     )
     maps = []
-    for number, height_m in enumerate(asked.heights_m):
+    for number, height_m in enumerate(request.heights_m):
 
         def on_pulse(done: int, total: int, number: int = number) -> None:
-            on_step(number * total + done, len(asked.heights_m) * total)
+            on_step(number * total + done, len(request.heights_m) * total)
 
         maps.append(
             coverage.plan_coverage(
                 area,
                 corners,
-                asked.tag,
+                request.tag,
                 budget,
                 height_m=height_m,
-                speed_m_s=asked.speed_m_s,
-                pattern=pattern_named(asked.antenna.pattern),
+                speed_m_s=request.speed_m_s,
+                pattern=pattern_named(request.antenna.pattern),
                 level_sigma_db=_LEVEL_SIGMA_DB,
                 on_pulse=on_pulse,
             )
         )
-    return Foreseen(asked=asked, maps=tuple(maps), best=coverage.best_of(maps))
+    return PlanMaps(request=request, maps=tuple(maps), best=coverage.best_of(maps))
 
 
 def _size(wide_m: float, high_m: float) -> "MapSize":
@@ -200,19 +201,19 @@ def _size(wide_m: float, high_m: float) -> "MapSize":
     return replace(size, cell_m=max(size.cell_m, float(math.ceil(least_m))))
 
 
-def _record(found: Foreseen) -> Record:
-    asked = found.asked
+def _record(found: PlanMaps) -> Record:
+    request = found.request
     return {
-        "tag_id": asked.tag.tag_id if asked.listed else None,
-        "tag_power_dbm": asked.tag_power_dbm,
+        "tag_id": request.tag.tag_id if request.listed else None,
+        "tag_power_dbm": request.tag_power_dbm,
         **map_record(found.maps[found.best]),
-        "height_m": asked.heights_m[found.best],
+        "height_m": request.heights_m[found.best],
         "heights": [
             {"height_m": height_m, **figures(one), "best": number == found.best}
             for number, (height_m, one) in enumerate(
-                zip(asked.heights_m, found.maps, strict=True)
+                zip(request.heights_m, found.maps, strict=True)
             )
         ],
-        "speed_m_s": asked.speed_m_s,
-        "antenna": asked.antenna.pattern,
+        "speed_m_s": request.speed_m_s,
+        "antenna": request.antenna.pattern,
     }

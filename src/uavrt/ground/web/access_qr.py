@@ -27,7 +27,7 @@ class Served:
     """Text of the QR code by which a phone joins this computer's Wi-Fi; None without one."""
 
 
-def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
+def access_list(served: Served, asked: URL) -> list[dict[str, Any]]:
     """Addresses and Wi-Fi for other devices: kind, text and QR code; empty if only local."""
     if served.host in LOOPBACK:
         return []

@@ -1,6 +1,6 @@
 """Results about a whole flight after its end: tags found in its samples, and coverage maps.
 
-Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_desk` makes the
+Both use the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs` makes the
 coverage map; the page polls until it is ready.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, map_record, power_in
+from uavrt.ground.web.map_jobs import MapJobs, OnStep, Record, map_record, power_in
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.integrated import read_integrated
 from uavrt.terrain.elevation_files import open_elevation
@@ -46,7 +46,7 @@ def integrated_record(flight: Path) -> Record:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Silence:
+class CoverageMapRequest:
     """Requested map of where a tag would have been detected."""
 
     flight: Path
@@ -55,7 +55,9 @@ class Silence:
     antenna: AntennaChoice
 
     @classmethod
-    def asked(cls, flight: Path, antenna: AntennaChoice, wanted: object) -> "Silence":
+    def from_request(
+        cls, flight: Path, antenna: AntennaChoice, wanted: object
+    ) -> "CoverageMapRequest":
         """Read a page's request; raises `FormatError` or `UsageError`."""
         if not isinstance(wanted, dict):
             raise FormatError("the request must be an object")
@@ -67,13 +69,13 @@ class Silence:
         )
 
 
-class SilenceDesk(MapDesk[Silence, "SilentMap"]):
+class CoverageMapJobs(MapJobs[CoverageMapRequest, "SilentMap"]):
     """Makes maps of where a tag would have been detected, one at a time; keeps the last."""
 
     def __init__(self) -> None:
         super().__init__(_made, _record, "map of silence")
 
-    def absence(self, asked: Silence, wanted: object) -> Record:
+    def absence(self, asked: CoverageMapRequest, wanted: object) -> Record:
         """Probability that an undetected tag is outside an outline, as a record."""
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.coverage import inside
@@ -120,7 +122,7 @@ def _is_place(one: object) -> bool:
     )
 
 
-def _made(asked: Silence, on_step: OnStep) -> "SilentMap":
+def _made(asked: CoverageMapRequest, on_step: OnStep) -> "SilentMap":
     from uavrt.analysis.silence import silent_map
 
     dem = asked.antenna.dem

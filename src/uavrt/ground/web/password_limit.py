@@ -14,7 +14,7 @@ speed, 3000 a second. At 10 000 a second, half of all passwords of eight random 
 digits (36⁸) last 4 years."""
 
 
-class Guesses:
+class PasswordLimit:
     """Limits wrong passwords to five a minute per address.
 
     The right password is never delayed by other addresses' guesses. A browser with the cookie

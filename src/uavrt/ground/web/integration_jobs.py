@@ -24,7 +24,7 @@ _LARGER = 4
 """Pixels per cell of a fold's picture, in each direction."""
 
 
-class IntegrationDesk:
+class IntegrationJobs:
     """Evaluates whole flights, one at a time, and reports the progress."""
 
     def __init__(self) -> None:
@@ -53,10 +53,7 @@ async def _judged(flight: Path, dem: str) -> str | None:
 
 
 def fold_pictures(flight: Path) -> dict[str, Record]:
-    """Draw a flight's samples folded at its tags' intervals, one picture per tag.
-
-    The phase within the interval increases to the right.
-    """
+    """Draw a flight's samples folded at its tags' intervals, one picture per tag."""
     pictures = {}
     for one in read_folds(flight):
         cells = np.asarray(one.raster, np.float32)

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from uavrt.geodesy import distance_m
 from uavrt.messages import Course, Neighbour
 
-OLD = 100
+MOST_LAG = 100
 """Largest lag of a sequence number that means a delayed message; a larger lag means a restarted
 drone."""
 MOVED_M = 5.0
 """Distance by which a goal must move, without a request, to count as a new path [m]."""
-FIRST_S = 3.0
+FIRST_REPORTS_S = 3.0
 """Wait after the first report before paths are assigned [s], in which all drones report."""
 _ROUND = 0x10000
 
@@ -29,12 +29,12 @@ class _Member:
     version: int = 1
     granted: int = 0
     denied: int = 0
-    way: tuple[tuple[float, float], ...] = ()
+    path: tuple[tuple[float, float], ...] = ()
     """Points of the path that is assigned but not flown yet, [latitude, longitude] in
     degrees."""
 
 
-class GivenWays:
+class PathAssignments:
     """Paths of all drones that have reported a course."""
 
     def __init__(self) -> None:
@@ -46,24 +46,24 @@ class GivenWays:
         one = self._members.get(vehicle)
         if self._begun_s is None:
             self._begun_s = now_s
-        early = now_s - self._begun_s < FIRST_S
+        early = now_s - self._begun_s < FIRST_REPORTS_S
         if one is None:
             self._members[vehicle] = _Member(course, now_s)
             return True
-        if 0 <= (one.course.sequence - course.sequence) % _ROUND < OLD:
+        if 0 <= (one.course.sequence - course.sequence) % _ROUND < MOST_LAG:
             return False
         before, one.course, one.heard_s = one.course, course, now_s
         changed = False
-        if one.way and course.flown == one.granted:
-            one.way = ()  # it flies it
-        elif one.way and course.asked != one.granted:
-            one.way = ()  # it does without
-        elif _elsewhere(before, course):
+        if one.path and course.flown == one.granted:
+            one.path = ()  # it flies it
+        elif one.path and course.asked != one.granted:
+            one.path = ()  # it does without
+        elif _leaves_path(before, course):
             one.version = _next(one.version)
             changed = True
-        return (not early and self._judge(vehicle, one)) or changed
+        return (not early and self._grant_or_refuse(vehicle, one)) or changed
 
-    def _judge(self, vehicle: int, one: _Member) -> bool:
+    def _grant_or_refuse(self, vehicle: int, one: _Member) -> bool:
         """Grant or refuse a requested path; return True if the others must be informed."""
         asked = one.course.asked
         if not asked or not one.course.asked_way or asked in (one.granted, one.denied):
@@ -75,7 +75,7 @@ class GivenWays:
             if other != vehicle
         )
         if one.course.searching and knew:
-            one.granted, one.way = asked, one.course.asked_way
+            one.granted, one.path = asked, one.course.asked_way
             one.version = _next(one.version)
         else:
             one.denied = asked
@@ -111,7 +111,7 @@ class GivenWays:
                 vehicle=other,
                 version=member.version,
                 age_s=now_s - member.heard_s,
-                course=replace(member.course, asked=0, asked_way=member.way, given=()),
+                course=replace(member.course, asked=0, asked_way=member.path, given=()),
             )
             for other, member in self._members.items()
             if other != vehicle
@@ -119,11 +119,8 @@ class GivenWays:
         return others or [answer]
 
 
-def _elsewhere(before: Course, course: Course) -> bool:
-    """True for a course that leaves its path without a request: to home, or by an own order.
-
-    An assigned path has another number; a path that is being completed gets shorter.
-    """
+def _leaves_path(before: Course, course: Course) -> bool:
+    """True for a course that leaves its path without a request: home, or by an own order."""
     if course.flown != before.flown or course.goal == course.place:
         return False
     return distance_m(*before.goal, *course.goal) > MOVED_M

@@ -14,7 +14,7 @@ from uavrt.supervisor.mission.saved_state import LOCK_NAME, STATE_NAME, SavedSta
 _FLYING = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
-def is_the_drones(directory: Path) -> bool:
+def is_drone_directory(directory: Path) -> bool:
     """True if the drone side of this computer records its flights in this directory."""
     return (directory / LOCK_NAME).exists()
 

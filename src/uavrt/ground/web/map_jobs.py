@@ -42,12 +42,8 @@ class _GivenUpError(Exception):
     """Raised in the computing thread when another map has been requested."""
 
 
-class MapDesk(Generic[Asked, Found]):
-    """Computes coverage maps, one at a time; keeps the last.
-
-    `make`: computes a requested map and reports its steps.
-    `record`: converts a map to a record for the page.
-    """
+class MapJobs(Generic[Asked, Found]):
+    """Computes coverage maps by `make`, one at a time; `record` converts them for the page."""
 
     def __init__(
         self,
@@ -107,7 +103,7 @@ class MapDesk(Generic[Asked, Found]):
             work.fault = f"the map could not be made: {error}"
 
 
-def asks_again(wanted: object) -> bool:
+def is_repeated(wanted: object) -> bool:
     """True if a page repeats its request for a map, to poll its progress."""
     return isinstance(wanted, dict) and wanted.get("again") is True
 
