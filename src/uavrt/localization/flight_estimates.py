@@ -22,52 +22,26 @@ from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.headings import Headings, yaws_deg
 from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.listeners import strengths_of
-from uavrt.localization.position.estimate import (
-    HEADING_SIGMA_DEG,
-    LEAST_EXTENT_M,
-    estimate_position,
-)
+from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import Strengths
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
+from uavrt.localization.tuning import FLIGHT
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-OWN_HEADING_SIGMA_DEG = 1.0
-"""Least error of a turn's headings that the flight's other turns do not share."""
-MISS_THRESHOLD_DB = 13.0
-"""SNR above which a detector that follows a tag misses no pulse: three pulses of 11.4 dB are
-found with 90 % (docs/reference), the rest is margin for losses."""
 NO_TIME = -1
 """Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
-LEAST_PULSES = 3
-LEAST_TURN_DEG = 45.0
-"""Least angle of a turn in progress; finished turns need 270°."""
 EDGE_NS = NANOSECONDS_PER_SECOND
 """Margin before and after a turn whose pulses belong to it: same place, first heading."""
-ONE_FLIGHT_S = 7200.0
-"""Bearings over a longer time are of several flights: the tag is assumed to rest."""
-OTHER_TAG_HZ = 10_000.0
-"""Frequency difference beyond which one number is two tags: crystals drift by less, and logs
-with six digits round to as much."""
-LEAST_TURNS = 3
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
 )
-_GOES_ON_NS = 10_000_000_000
-"""A turn that ends this close to the last pose may still be in progress."""
-_WHOLE_DEG = 270.0
-_LEAST_TO_LEARN = 12
-_MOST_TURNS = 24
-_TICK_NS = 256
-"""Resolution of times; see `Heard.of`."""
-_LEAST_HEIGHT_M = 2.0
-"""Least height of the antenna over the tag."""
 _SURVEY_ALONE = "a survey by strength has a position of its own"
 
 _Floats = NDArray[np.float64]
@@ -83,9 +57,9 @@ class ReadAs:
     """Boresight clockwise from the heading that the pulses carry."""
     height_m: float | None = None
     """With a monopole: height over the tags, where the poses have none."""
-    heading_sigma_deg: float = HEADING_SIGMA_DEG
+    heading_sigma_deg: float = COMMON.heading_sigma_deg
     """Error that all headings of a flight share, one standard deviation."""
-    height_sigma_m: float = HEIGHT_SIGMA_M
+    height_sigma_m: float = SURVEY.height_sigma_m
     """With a monopole: error that all heights over a tag share, one standard deviation."""
     elevation: Elevation | None = None
     """Heights of the ground, for losses behind hills; None assumes level ground."""
@@ -183,7 +157,7 @@ class HeardInTurn:
     @property
     def whole(self) -> bool:
         """True if the turn is complete, or nearly."""
-        return abs(self.turn.turned_deg) >= _WHOLE_DEG
+        return abs(self.turn.turned_deg) >= FLIGHT.whole_turn_deg
 
     @property
     def snr_db(self) -> _Floats:
@@ -196,7 +170,9 @@ class HeardInTurn:
         return self.tag_id, int(self.pulses.time_ns[0])
 
 
-def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
+def turns_in(
+    poses: PoseColumns, *, least_turn_deg: float = FLIGHT.whole_turn_deg
+) -> list[Turn]:
     """Turns of a flight, including one in progress."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
         return []  # what flew before is not among these poses any more
@@ -207,13 +183,14 @@ def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[
         poses.longitude_deg,
         height_m=poses.flown_m,
         on_ground=poses.on_ground,
-        least_turn_deg=LEAST_TURN_DEG,
+        least_turn_deg=FLIGHT.least_turn_deg,
     )
     last_ns = int(poses.time_ns[-1])
     return [
         turn
         for turn in every
-        if abs(turn.turned_deg) >= least_turn_deg or last_ns - turn.end_time_ns <= _GOES_ON_NS
+        if abs(turn.turned_deg) >= least_turn_deg
+        or last_ns - turn.end_time_ns <= FLIGHT.in_progress_ns
     ]
 
 
@@ -233,7 +210,7 @@ def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
         edges = [turn.start_time_ns - EDGE_NS, turn.end_time_ns + EDGE_NS + 1]
         for tag_id, own in pulses.items():
             first, last = map(int, np.searchsorted(own.time_ns, edges))
-            if last - first >= LEAST_PULSES:
+            if last - first >= FLIGHT.least_pulses:
                 near = own.chosen(slice(max(0, first - 1), last + 1))
                 missed = _missed_yaws_deg(
                     near, heard.poses.time_ns, yaw_deg, turn, rhythms.get(tag_id)
@@ -307,8 +284,8 @@ def _bearing_of(
         antenna=pattern,
         quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
         noise_psd=np.concatenate([noise, fill]) if known else None,
-        threshold_db=MISS_THRESHOLD_DB,
-        heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
+        threshold_db=FLIGHT.miss_threshold_db,
+        heading_sigma_deg=FLIGHT.own_heading_sigma_deg,
     )
     first_ns, last_ns = int(pulses.time_ns[0]), int(pulses.time_ns[-1])
     return TagBearing(
@@ -317,9 +294,9 @@ def _bearing_of(
         latitude_deg=float(np.median(pulses.latitude_deg)),
         longitude_deg=float(np.median(pulses.longitude_deg)),
         altitude_amsl_m=float(np.median(pulses.altitude_amsl_m)),
-        start_time_ns=first_ns - _TICK_NS // 2,
+        start_time_ns=first_ns - FLIGHT.tick_ns // 2,
         middle_time_ns=(first_ns + last_ns) // 2,
-        end_time_ns=last_ns + _TICK_NS // 2,
+        end_time_ns=last_ns + FLIGHT.tick_ns // 2,
         heard=len(pulses.snr_db),
     )
 
@@ -330,8 +307,8 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
 
 def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
     """Turns that a pattern is learnt from: whole ones with many pulses."""
-    whole = [one for one in heard if one.whole and len(one.snr_db) >= _LEAST_TO_LEARN]
-    return whole[:_MOST_TURNS]
+    whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
+    return whole[: FLIGHT.most_turns]
 
 
 def antenna_as_shown(
@@ -340,7 +317,7 @@ def antenna_as_shown(
     """Correct a pattern by whole turns; unchanged where they are too few."""
     whole = teaching(heard)
     pattern = pattern_named(antenna)
-    if len(whole) < LEAST_TURNS:
+    if len(whole) < FLIGHT.least_turns:
         return pattern
     turns = [
         TurnPulses(
@@ -356,7 +333,7 @@ def antenna_as_shown(
         )
         for one in whole
     ]
-    return learn_pattern(turns, pattern, threshold_db=MISS_THRESHOLD_DB)
+    return learn_pattern(turns, pattern, threshold_db=FLIGHT.miss_threshold_db)
 
 
 def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
@@ -484,7 +461,7 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
 def _turns(pulses: PulseColumns) -> bool:
     """True if a bearing without a clear direction is of a turn, not of one heading."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
-    return float(np.ptp(yaw)) >= LEAST_TURN_DEG
+    return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
 
 
 def _with_theirs(own: Sequence[TagBearing], theirs: Sequence[TagBearing]) -> list[TagBearing]:
@@ -598,7 +575,7 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
     return [
         each
         for each in found
-        if abs(each.frequencies_hz.get(tag_id, hz[0]) - hz[0]) <= OTHER_TAG_HZ
+        if abs(each.frequencies_hz.get(tag_id, hz[0]) - hz[0]) <= FLIGHT.other_tag_hz
     ]
 
 
@@ -640,7 +617,7 @@ def _stations(
         [one.latitude_deg for one in used],
         [one.longitude_deg for one in used],
         [one.bearing for one in used],
-        times_s if origin_ns != NO_TIME and max(times_s) <= ONE_FLIGHT_S else None,
+        times_s if origin_ns != NO_TIME and max(times_s) <= FLIGHT.one_flight_s else None,
         origin_ns,
     )
     height_m = None if over is None else over.heights_m([one.middle_time_ns for one in used])
@@ -760,10 +737,10 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     return PowerTrack(
         latitude_deg=latitude,
         longitude_deg=longitude,
-        height_m=np.maximum(height, _LEAST_HEIGHT_M),
+        height_m=np.maximum(height, FLIGHT.least_height_m),
         snr_db=snr,
-        threshold_db=MISS_THRESHOLD_DB,
-        time_s=times_s if times_s[-1] <= ONE_FLIGHT_S else None,
+        threshold_db=FLIGHT.miss_threshold_db,
+        time_s=times_s if times_s[-1] <= FLIGHT.one_flight_s else None,
         origin_ns=int(times_ns[0]),
     )
 
@@ -776,4 +753,4 @@ def stands(heard: Heard) -> bool:
     latitude = np.concatenate([one.latitude_deg for one in own])
     longitude = np.concatenate([one.longitude_deg for one in own])
     away_m = np.hypot(*plane_around(latitude, longitude).to_local(latitude, longitude))
-    return float(np.quantile(away_m, 0.95)) < LEAST_EXTENT_M
+    return float(np.quantile(away_m, 0.95)) < POWER.least_extent_m

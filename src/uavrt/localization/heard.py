@@ -8,32 +8,14 @@ from numpy.typing import NDArray
 
 from uavrt.columns import chosen_rows, joined_rows
 from uavrt.errors import UsageError
-from uavrt.localization.bearing.turns import CLIMB_M
+from uavrt.localization.bearing.tuning import TURNS
 from uavrt.localization.headings import Headings
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-POSE_STEP_NS = 180_000_000
-"""Least time between poses; closer ones add nothing to a turn."""
-POSE_GAP_NS = 2_000_000_000
-"""Distance in time beyond which a pulse's own pose is used; telemetry comes several times a
-second."""
-MOST_MISSED = 100_000
-"""Most missed pulses of one tag in a flight: a day of them."""
-APART_M = 20.0
-"""Least difference that is reported between heights of a flight and of elevation files."""
-LEAST_TAG_HZ = 1e6
-"""Least frequency of a tag: some logs have megahertz, cut to a whole number."""
-_ON_GROUND_M = 5.0
-"""Poses that begin higher do not show where the take-off was."""
-_IN_PLACE_M = 30.0
-"""Largest distance of pulses from their median place in a log of one place."""
-_HILLS_DIGITS = 4
-"""Digits of frequencies for losses behind hills: rounding to 10 kHz is negligible, and lets a
-live flight reuse them."""
 
 _Floats = NDArray[np.float64]
 
@@ -124,7 +106,7 @@ class PoseColumns:
         """True if it was partly flown and partly not, by heights or autopilot."""
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
-        climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
+        climbed = len(flown) > 0 and float(np.ptp(flown)) >= TURNS.climb_m
         return climbed or bool(on_ground.any() and not on_ground.all())
 
     @property
@@ -196,7 +178,7 @@ class PulseColumns:
         """Times of expected pulses between two heard ones that were not heard.
 
         They are computed between two pulses whose distance is a multiple of the tag's interval.
-        A gap with more than `MOST_MISSED` of them is a jump of a clock.
+        A gap with more than `FLIGHT.most_missed` of them is a jump of a clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -205,9 +187,9 @@ class PulseColumns:
         gap_ns = np.diff(self.time_ns)
         count = np.rint(gap_ns / interval_ns)
         slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
-        fits = (count > 1) & (count < MOST_MISSED)
+        fits = (count > 1) & (count < FLIGHT.most_missed)
         fits &= np.abs(gap_ns - count * interval_ns) <= slack_ns
-        fits &= np.cumsum(np.where(fits, count - 1, 0)) < MOST_MISSED
+        fits &= np.cumsum(np.where(fits, count - 1, 0)) < FLIGHT.most_missed
         each = np.where(fits, count - 1, 0).astype(np.int64)
         gap = np.repeat(np.arange(len(each)), each)
         number = np.arange(1, len(gap) + 1) - np.repeat(np.cumsum(each) - each, each)
@@ -254,7 +236,7 @@ class OverGround:
         )
         said = list(elevation.cautions)
         height_m = float(poses.height_m[first])
-        if height_m > _ON_GROUND_M:
+        if height_m > FLIGHT.on_ground_m:
             said.append(
                 f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
                 "the ground beneath that place"
@@ -277,7 +259,9 @@ class OverGround:
 
 def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
     """Remark where elevation files and flight disagree on the take-off's height."""
-    if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
+    if (
+        not abs(said_m - ground_m) > FLIGHT.reported_height_m
+    ):  # so, too, where one of them is not known
         return ()
     return (
         f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
@@ -300,13 +284,13 @@ class Rhythm:
 
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) mask of times farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
+    """(n,) True for times farther than the largest pose gap from all of rising `known_ns`."""
     if not len(known_ns):
         return np.ones(len(times_ns), bool)
     after = np.searchsorted(known_ns, times_ns)
     before_ns = times_ns - known_ns[np.maximum(after - 1, 0)]
     after_ns = known_ns[np.minimum(after, len(known_ns) - 1)] - times_ns
-    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS)
+    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > FLIGHT.pose_gap_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -315,7 +299,7 @@ class Heard:
 
     pulses: Mapping[int, PulseColumns]
     poses: PoseColumns
-    """Poses of the vehicle, and the pulses' own in gaps; `POSE_STEP_NS` apart."""
+    """Poses of the vehicle, and the pulses' own in gaps; `FLIGHT.pose_step_ns` apart."""
     tags: tuple[Tag, ...] = ()
     """Listed tags; empty for a log."""
     antenna: str = "RA-23K"
@@ -438,7 +422,7 @@ class Heard:
         """Median frequency of each tag's pulses; for a tag without pulses, the listed one."""
         found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
         for tag_id, own in self.pulses.items():
-            known_hz = own.frequency_hz[own.frequency_hz >= LEAST_TAG_HZ]
+            known_hz = own.frequency_hz[own.frequency_hz >= FLIGHT.least_tag_hz]
             if len(known_hz):
                 found[tag_id] = float(np.median(known_hz))
         return found
@@ -453,7 +437,7 @@ class Heard:
         known_hz = every_hz[np.isfinite(every_hz)]
         if over is None or not len(known_hz):
             return over
-        return over.at(float(np.round(np.median(known_hz), -_HILLS_DIGITS)))
+        return over.at(float(np.round(np.median(known_hz), -FLIGHT.hills_digits)))
 
 
 def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -463,7 +447,7 @@ def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 def _thinned(poses: PoseColumns) -> PoseColumns:
     if not len(poses.time_ns):
         return poses
-    slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS
+    slots = (poses.time_ns - poses.time_ns[0]) // FLIGHT.pose_step_ns
     return poses.chosen(np.unique(slots, return_index=True)[1])
 
 
@@ -475,4 +459,4 @@ def _in_place(poses: PoseColumns) -> bool:
         longitude_deg=float(np.median(poses.longitude_deg)),
     )
     off = np.hypot(*plane.to_local(poses.latitude_deg, poses.longitude_deg))
-    return bool(off.max() <= _IN_PLACE_M)
+    return bool(off.max() <= FLIGHT.one_place_m)

@@ -10,19 +10,11 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.localization.headings import yaws_deg
 from uavrt.localization.heard import PulseColumns, Rhythm
 from uavrt.localization.position.strengths import Strengths
+from uavrt.localization.tuning import RECEIVERS
 from uavrt.tangent_plane import plane_around
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180
 
 _Floats = NDArray[np.float64]
-
-_ONE_PLACE_M = 20.0
-_ONE_HEADING_DEG = 20.0
-_LEAST_PULSES = 3
-_MOST_PLACES = 24
-"""Most places of one receiver, those with the most pulses: all share one unknown gain."""
-_HEARD_SHARE = 0.5
-"""Least share of a tag's pulses that a receiver must have heard; else it heard only strong
-ones."""
 
 
 def strengths_of(
@@ -49,7 +41,7 @@ def strengths_of(
     stood = [
         part
         for part in _standing(pulses, yaw, flown, one_heading=not monopole)
-        if len(part) >= _LEAST_PULSES
+        if len(part) >= RECEIVERS.least_pulses
     ]
     if not stood:
         why = (
@@ -58,8 +50,12 @@ def strengths_of(
             else "there are no three of them at one place and heading"
         )
         return _levels(listener, pulses, yaw, height_m, pattern, [], why)
-    clear = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
-    clear = sorted(sorted(clear, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
+    clear = [
+        part for part in stood if _heard_share(pulses, part, rhythm) >= RECEIVERS.received_share
+    ]
+    clear = sorted(
+        sorted(clear, key=len, reverse=True)[: RECEIVERS.most_places], key=lambda one: one[0]
+    )
     missed = None if clear else "more of them were missed than detected"
     return _levels(listener, pulses, yaw, height_m, pattern, clear, missed, rhythm)
 
@@ -86,7 +82,7 @@ def _standing(
     for at, number in enumerate(chosen):
         away = float(np.hypot(east[number] - east[first], north[number] - north[first]))
         turned = abs(wrap_degrees_180(float(yaw_deg[number] - yaw_deg[first])))
-        if away > _ONE_PLACE_M or (one_heading and turned > _ONE_HEADING_DEG):
+        if away > RECEIVERS.one_place_m or (one_heading and turned > RECEIVERS.one_heading_deg):
             cuts.append(at)
             first = int(number)
     return [chosen[low:high] for low, high in pairwise([*cuts, len(chosen)])]

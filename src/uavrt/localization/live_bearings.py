@@ -14,15 +14,11 @@ from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing.turns import Turn
 from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.flight_estimates import ReadAs, TagBearing, bearings_of
-from uavrt.localization.heard import POSE_STEP_NS, Heard
-from uavrt.localization.results import ACCEPTED_EVIDENCE, Bearing
+from uavrt.localization.heard import Heard
+from uavrt.localization.results import Bearing
+from uavrt.localization.tuning import ACCEPTANCE, FLIGHT
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.on_ground import GroundStates
-
-_KEPT_NS = 900_000_000_000
-"""Longest duration of a turn [ns]; older poses and pulses are dropped."""
-_LEVEL_SIGMA_DB = 1.0
-"""Level error of a bearing from the drone, whose message does not contain it."""
 
 
 class LiveBearings:
@@ -55,13 +51,16 @@ class LiveBearings:
             if self._first_ns is None:
                 self._first_ns = pose.time_ns
             # As `Heard` thins them, so that the drone finds the turns that others find.
-            slot = (pose.time_ns - self._first_ns) // POSE_STEP_NS
+            slot = (pose.time_ns - self._first_ns) // FLIGHT.pose_step_ns
             if not self._poses or slot > (
-                (self._poses[-1].time_ns - self._first_ns) // POSE_STEP_NS
+                (self._poses[-1].time_ns - self._first_ns) // FLIGHT.pose_step_ns
             ):
                 self._poses.append(pose)
-        if self._poses and self._poses[0].time_ns < self._poses[-1].time_ns - 2 * _KEPT_NS:
-            after_ns = self._poses[-1].time_ns - _KEPT_NS
+        if (
+            self._poses
+            and self._poses[0].time_ns < self._poses[-1].time_ns - 2 * FLIGHT.live_turn_ns
+        ):
+            after_ns = self._poses[-1].time_ns - FLIGHT.live_turn_ns
             self._poses = [one for one in self._poses if one.time_ns >= after_ns]
             self._pulses = [one for one in self._pulses if one.pulse.start_time_ns >= after_ns]
 
@@ -133,10 +132,10 @@ def bearing_from_drone(one: LiveBearing) -> TagBearing:
             interval90_deg=one.interval90_deg,
             # The message says only whether there is another lobe.
             second_lobe_probability=1.0 if one.ambiguous else 0.0,
-            evidence=ACCEPTED_EVIDENCE if one.accepted else 0.0,
+            evidence=ACCEPTANCE.evidence_nats if one.accepted else 0.0,
             multipath_suspected=one.multipath_suspected,
             level_db=one.level_db,
-            level_sigma_db=None if one.level_db is None else _LEVEL_SIGMA_DB,
+            level_sigma_db=None if one.level_db is None else FLIGHT.drone_level_sigma_db,
             posterior=_von_mises(one.bearing_deg, one.sigma_deg),
         ),
         latitude_deg=one.latitude_deg,

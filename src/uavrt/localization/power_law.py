@@ -13,17 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.lean_scipy import fft, special
-
-LEVEL_STEP_DB = 0.25
-LOWEST_LEVEL_DB = -30.0
-"""Lowest level of the tables: a pulse below adds a thousandth of the noise."""
-FADINGS_DB = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
-"""Possible standard deviations of fading."""
-OUTLIER_SHARE = 0.01
-"""Share of pulses of any power (interference, a turn of the animal)."""
-_NARROW = 1000.0
-"""From this sum on (30 dB) the law is Gaussian in decibel to 1 %, and narrower than a step."""
-_TINY = 1e-300
+from uavrt.localization.tuning import POWER_LAW
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,11 +36,11 @@ def _faded(
     core became 18 ms of several on a busy computer. A level beyond the grid counts as the last
     one. Rounding is 1e-16 of a row's best, far below the outliers' share.
     """
-    margin = round(4.0 * max(fadings_db) / LEVEL_STEP_DB)
+    margin = round(4.0 * max(fadings_db) / POWER_LAW.level_step_db)
     padded = np.pad(likelihood, ((0, 0), (margin, margin)), mode="edge")
     size = fft.next_fast_len(padded.shape[1] + margin, real=True)
     frequency = np.arange(size // 2 + 1) / size
-    sigma_steps = np.array(fadings_db)[:, None] / LEVEL_STEP_DB
+    sigma_steps = np.array(fadings_db)[:, None] / POWER_LAW.level_step_db
     damping = np.exp(-2.0 * (np.pi * sigma_steps * frequency) ** 2)
     spectrum = fft.rfft(padded, size, axis=1)[:, None, :] * damping
     smooth = fft.irfft(spectrum, size, axis=2)[:, :, margin : margin + likelihood.shape[1]]
@@ -62,7 +52,7 @@ def power_tables(
     missed_below: NDArray[np.float64],
     *,
     folds: int = 1,
-    fadings_db: tuple[float, ...] = FADINGS_DB,
+    fadings_db: tuple[float, ...] = POWER_LAW.fadings_db,
     spread_db: float = 40.0,
 ) -> PowerTables:
     """Tabulate log p(power | level) of the heard pulses, then of the missed ones.
@@ -73,13 +63,13 @@ def power_tables(
     `folds`: pulses summed for each value.
     `fadings_db`: standard deviations of the fading, one table each.
     `spread_db`: largest ratio of the antenna's gain, front to back.
-    Returns: n + m rows. Each law is mixed with `OUTLIER_SHARE` of one independent of the level.
+    Returns: n + m rows. Each law includes a share of outliers that is independent of the level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)
-    lowest = min(LOWEST_LEVEL_DB, -spread_db)
-    levels = round((highest - lowest) / LEVEL_STEP_DB) + 1
-    level_db = lowest + LEVEL_STEP_DB * np.arange(levels)
+    lowest = min(POWER_LAW.lowest_level_db, -spread_db)
+    levels = round((highest - lowest) / POWER_LAW.level_step_db) + 1
+    level_db = lowest + POWER_LAW.level_step_db * np.arange(levels)
     rows = [_log_density(matched_power, level_db, folds)]
     if len(missed_below):
         thresholds, which = np.unique(missed_below, return_inverse=True)
@@ -87,8 +77,10 @@ def power_tables(
     exact = np.concatenate(rows)
     # Scaled by each row's best, so that exp() neither over- nor underflows where it matters.
     likelihood = np.exp(exact - exact.max(axis=1, keepdims=True))
-    outlier = OUTLIER_SHARE * likelihood.mean(axis=1)
-    mixed = (1.0 - OUTLIER_SHARE) * _faded(likelihood, fadings_db) + outlier[:, None, None]
+    outlier = POWER_LAW.outlier_share * likelihood.mean(axis=1)
+    mixed = (1.0 - POWER_LAW.outlier_share) * _faded(likelihood, fadings_db) + outlier[
+        :, None, None
+    ]
     tables = np.log(mixed).astype(np.float32)
     return PowerTables(
         log_likelihood=np.ascontiguousarray(tables.transpose(0, 2, 1)),
@@ -108,12 +100,12 @@ def _log_density(
     if folds == 1:
         exact = root - y - s + np.log(special.i0e(root))
     else:
-        scaled = np.log(np.maximum(special.ive(folds - 1, root), _TINY))
+        scaled = np.log(np.maximum(special.ive(folds - 1, root), POWER_LAW.least_density))
         exact = root - folds * (y + s) + scaled + 0.5 * (folds - 1) * np.log(y / s)
     # The fold's own scatter is 4.34 sqrt(2 / sum) dB; 0.2 dB keeps it wider than the grid.
     variance = 18.86 * 2.0 / (folds * y) + 0.04
     gaussian = -0.5 * (10.0 * np.log10(y) - level_db[None, :]) ** 2 / variance
-    return np.where(folds * y > _NARROW, gaussian, exact)
+    return np.where(folds * y > POWER_LAW.gaussian_from, gaussian, exact)
 
 
 def _log_missed(
@@ -126,4 +118,4 @@ def _log_missed(
     # in use, far below the outliers' share; the series would need ever more terms there.
     near = np.minimum(s, 10.0 * y + 10.0)
     probability = special.chndtr(2.0 * folds * y, 2.0 * folds, 2.0 * folds * near)
-    return np.log(np.maximum(np.where(s > near, 0.0, probability), _TINY))
+    return np.log(np.maximum(np.where(s > near, 0.0, probability), POWER_LAW.least_density))

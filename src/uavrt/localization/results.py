@@ -6,18 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.tuning import ACCEPTANCE
+
 BearingMethod = Literal[
     "pattern_ml", "pca", "pca_log", "pca_amplitude", "pearson", "ls_linear", "ls_db", "max"
 ]
 
 ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse"]
 """Bearings from switched or fixed antennas (`uavrt.localization.bearing.array_bearings`)."""
-
-ACCEPTED_EVIDENCE = 3.0
-"""Least evidence (natural logarithm of a Bayes factor) for a bearing to be believed: odds of
-20 to 1. Fewer than 1 % of noise-only rotations and of steady interferers reach it."""
-BIMODAL_PROBABILITY = 0.05
-"""From this probability of another lobe on, a bearing is called ambiguous."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,14 +55,14 @@ class Bearing:
     @property
     def accepted(self) -> bool:
         """True if the data show a direction; always true for methods without evidence."""
-        return self.evidence is None or self.evidence >= ACCEPTED_EVIDENCE
+        return self.evidence is None or self.evidence >= ACCEPTANCE.evidence_nats
 
     @property
     def ambiguous(self) -> bool:
         """True if another direction fits nearly as well, or a reflection is likely."""
         second = self.second_lobe_probability
         return self.multipath_suspected or (
-            second is not None and second >= BIMODAL_PROBABILITY
+            second is not None and second >= ACCEPTANCE.second_lobe
         )
 
     @property

@@ -8,17 +8,12 @@ from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
 from uavrt.localization.position.bayes_fix import Area
+from uavrt.planning.tuning import PLANNING
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
 """Height of the ground [m] at positions in the plane, with any datum."""
-
-_LEAST_AREA_M2 = 100.0
-_LISTED_CORNERS = 3
-"""Most corners beyond the fence that an error lists."""
-_SPACING_M = 5.0
-"""Distance between the checked points of a path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,10 +88,10 @@ class Polygon:
                 f"the {self.name} crosses itself: its sides {first + 1} and {second + 1}",
                 remedy="Draw the corners in their order along the outline",
             )
-        if self.area_m2 < _LEAST_AREA_M2:
+        if self.area_m2 < PLANNING.least_area_m2:
             raise PlanError(
                 f"the {self.name} holds {self.area_m2:.0f} m²",
-                remedy=f"Draw one of {_LEAST_AREA_M2:.0f} m² or more",
+                remedy=f"Draw one of {PLANNING.least_area_m2:.0f} m² or more",
             )
 
     @classmethod
@@ -289,7 +284,10 @@ class SearchArea:
         within = self.fence.contains(*_nudged(corners).T)
         if not np.all(within):
             outside = [str(n + 1) for n in np.flatnonzero(~within)]
-            named, more = ", ".join(outside[:_LISTED_CORNERS]), len(outside) - _LISTED_CORNERS
+            named, more = (
+                ", ".join(outside[: PLANNING.listed_corners]),
+                len(outside) - PLANNING.listed_corners,
+            )
             named = f"s {named}" if len(outside) > 1 else f" {named}"
             named += f" and {more} more" if more > 0 else ""
             raise PlanError(
@@ -376,7 +374,9 @@ class SearchArea:
     ) -> list[str | None]:
         """Why straight paths from a position to others may not be flown at one height."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
-        share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / _SPACING_M)) + 1))[1:]
+        share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / PLANNING.path_step_m)) + 1))[
+            1:
+        ]
         x = state_m[0] + (east_m - state_m[0])[:, None] * share
         y = state_m[1] + (north_m - state_m[1])[:, None] * share
         reasons: list[str | None] = [None] * len(east_m)
@@ -432,7 +432,7 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
-    places = np.linspace(0.0, gone[-1], max(2, int(gone[-1] / _SPACING_M) + 2))
+    places = np.linspace(0.0, gone[-1], max(2, int(gone[-1] / PLANNING.path_step_m) + 2))
     places = np.union1d(places, gone)
     return np.interp(places, gone, east_m), np.interp(places, gone, north_m)
 

@@ -20,16 +20,14 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_d
 from uavrt.localization.headings import Headings
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
+from uavrt.planning.tuning import PLANNING
 from uavrt.planning.whole_flight import MODEL, WholeFlightSum
 from uavrt.terrain.squares import GroundGrid
 from uavrt.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
-_ERRORS = 9
-"""Values of the level's common error."""
 _GROUP_ENR_DB = np.arange(-15.0, 35.25, 0.25)
-_NOTHING_DB = -60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,7 +147,7 @@ def coverage_of(
     `most_drift`: searched change of the interval over the flight. `on_pulse`: called with the
     number of finished pulses and their total.
     """
-    errors_db, weights = special.roots_hermitenorm(_ERRORS)
+    errors_db, weights = special.roots_hermitenorm(PLANNING.level_nodes)
     weights = weights / weights.sum()
     view = _View(ground, budget, pattern, way, hills=hills)
     if whole_flight:
@@ -170,7 +168,7 @@ def coverage_of(
             whole_flight=True,
         )
     found = _found_by_enr(tag, frequency_window_hz)
-    missed = np.zeros((_ERRORS, *ground.height_m.shape), np.float32)
+    missed = np.zeros((PLANNING.level_nodes, *ground.height_m.shape), np.float32)
     groups, summed = 0, np.zeros(ground.height_m.shape, np.float32)
     for pulse in range(len(way.time_s)):
         summed += view.energies(pulse)
@@ -286,7 +284,7 @@ class _View:
                 tag_m=budget.tag_height_m,
                 frequency_hz=budget.frequency_hz,
             )
-        self._level = np.maximum(level, np.float32(_NOTHING_DB))
+        self._level = np.maximum(level, np.float32(PLANNING.no_level_db))
         down = np.float32(height_m - budget.tag_height_m) + rise
         slant = np.maximum(np.sqrt(over * over + down * down), np.float32(1.0))
         if self._upright:

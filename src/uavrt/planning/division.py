@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.planning.tuning import PLANNING
+
 _Floats = NDArray[np.float64]
-_PASSES = 4
-CHANGE_S = 8.0
-"""Time that a transfer of a tag to another drone must save."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +48,7 @@ def divided(
         )
         tours[drone].append(tag)
         left.remove(tag)
-    for _ in range(_PASSES):
+    for _ in range(PLANNING.division_passes):
         moved = [rounds.improve(tours, tag) for tag in range(len(east_m))]
         if not any(moved):
             break
@@ -82,7 +81,7 @@ class _Rounds:
         legs = (self._between[a][b] for a, b in pairwise(tour))
         changed = sum(self._owners[tag] not in (None, drone) for tag in tour)
         way = self._first[drone][tour[0]] + sum(legs)
-        return self._after[drone] + way + CHANGE_S * changed
+        return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
         """Move a tag to its cheapest place; False if it stays."""

@@ -6,12 +6,8 @@ from math import hypot, inf, isfinite
 import numpy as np
 
 from uavrt.errors import ConfigError
+from uavrt.planning.tuning import PLANNING
 from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
-
-_J_PER_WH = 3600.0
-_SCALE_DRIFT = 0.03
-"""Change of the scale between two updates, by wind and the battery's voltage."""
-_RETURN_CLIMB_M_S, _RETURN_SINK_M_S = 3.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +47,7 @@ class EnergyModel:
     def used_wh(self, duration_s: float, airspeed_m_s: float, climb_m: float = 0.0) -> float:
         """Energy of a stretch of flight; a descent recovers none."""
         climb = self.scale * self.climb_j_per_m * max(climb_m, 0.0)
-        return (self.power_w(airspeed_m_s) * duration_s + climb) / _J_PER_WH
+        return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
         """Update with the energy predicted for a stretch, and the energy used by battery
@@ -68,7 +64,7 @@ class EnergyModel:
             )
         per_scale = predicted_wh / self.scale
         off = used_wh - predicted_wh
-        sigma = hypot(self.scale_sigma, _SCALE_DRIFT)
+        sigma = hypot(self.scale_sigma, PLANNING.scale_drift)
         if abs(off) > 2.0 * hypot(per_scale * sigma, sigma_wh):
             sigma = abs(off) / per_scale
         precision = 1.0 / sigma**2 + (per_scale / sigma_wh) ** 2
@@ -104,7 +100,10 @@ class EnergyModel:
             hypot(way[0] * steady - wind.east_m_s, way[1] * steady - wind.north_m_s),
         )
         climb = max(0.0, return_height_m - state.height_m)
-        upright = climb / _RETURN_CLIMB_M_S + (state.height_m + climb) / _RETURN_SINK_M_S
+        upright = (
+            climb / PLANNING.return_climb_m_s
+            + (state.height_m + climb) / PLANNING.return_sink_m_s
+        )
         sure = 1.0 + sigmas * self.scale_sigma / self.scale
         used = self.used_wh(flying, airspeed) + self.used_wh(upright, wind.speed_m_s, climb)
         return sure * used

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position.level_belief import REFERENCE_M, antenna_gain_db
-from uavrt.localization.position.loss_error import ALIKE_M, LossError, doubtful_db
+from uavrt.localization.position.level_belief import antenna_gain_db
+from uavrt.localization.position.loss_error import LossError, doubtful_db
 from uavrt.localization.position.trackers import Hypotheses, TagPrior
+from uavrt.localization.position.tuning import LOSS, POWER
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.vehicle import Legs
 
@@ -57,7 +58,7 @@ def expected_levels_db(
     height, lost = _over_ground(prior, east, north, dx, dy, listener)
     slant2 = dx * dx + dy * dy + height**2
     gain = antenna_gain_db(prior.pattern, yaw, dx, dy, height, np.sqrt(slant2))
-    decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(REFERENCE_M))
+    decades = 5.0 * np.log10(slant2) - float(10.0 * np.log10(POWER.reference_m))
     level = some.level_db - some.exponent * decades + gain - lost
     if prior.path_gain is not None:
         level = level + prior.path_gain(dx, dy, listener.above_tags_m)
@@ -182,8 +183,10 @@ def _over_the_way(
     if isinstance(wrong2, float):
         return np.zeros(len(pulses)), 0.0
     far = np.hypot(np.diff(legs.east_m), np.diff(legs.north_m)).sum(axis=1)
-    alike = np.exp(-far / ALIKE_M)
-    together = np.maximum(pulses * np.minimum(ALIKE_M / np.maximum(far, 1.0), 1.0), 1.0)
+    alike = np.exp(-far / LOSS.correlation_m)
+    together = np.maximum(
+        pulses * np.minimum(LOSS.correlation_m / np.maximum(far, 1.0), 1.0), 1.0
+    )
     apart2 = ((1.0 - alike) * together)[:, None] * wrong2
     return alike * wrong2.mean(axis=1), apart2
 

@@ -12,12 +12,11 @@ from typing import Literal
 import numpy as np
 
 from uavrt.planning.propagation import GroundReflection
+from uavrt.planning.tuning import PLANNING
 from uavrt.units import SPEED_OF_LIGHT_M_S
 
 THERMAL_DBM_HZ = -173.98
 """Noise density of a matched load at 290 K."""
-FARTHEST_M = 100_000.0
-_PLACES = 4000
 
 Ground = Literal["two-ray", "free"]
 
@@ -83,10 +82,12 @@ class LinkBudget:
 
         None if it is not reached beneath the drone.
         """
-        places = np.concatenate(([0.0], np.geomspace(1.0, FARTHEST_M, _PLACES)))
+        places = np.concatenate(
+            ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
+        )
         short = np.flatnonzero(self.enr_db(places) < needed_db)
         if not len(short):
-            return FARTHEST_M
+            return PLANNING.farthest_m
         return None if short[0] == 0 else float(places[short[0] - 1])
 
     def lines(self, needed_db: float, distance_m: float) -> list[tuple[str, float, str]]:

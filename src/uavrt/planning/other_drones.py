@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
 from uavrt.planning.area import ways_apart_m
+from uavrt.planning.tuning import PLANNING
 from uavrt.planning.vehicle import Legs, Path
 
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
 """East and north of a straight path's start and end [m]."""
-_CHECK_STEP_S = 1.0
-_SAMPLES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +65,10 @@ class OtherDrones:
         """Remaining paths of the reporting drones, sampled; None without any."""
         if not self.listening:
             return None
-        shares = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-        left = np.array([max(_CHECK_STEP_S, one.time_s[-1] - time_s) for one in self.listening])
+        shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples
+        left = np.array(
+            [max(PLANNING.drones_step_s, one.time_s[-1] - time_s) for one in self.listening]
+        )
         times = left[:, None] * shares
         places = [
             _places_at(one, time_s + row)

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.planning.tuning import PLANNING
 from uavrt.units import SPEED_OF_LIGHT_M_S
 
 _Floats = NDArray[np.floating[Any]]
-_STEP_M = 0.5
 
 
 @dataclass(slots=True, kw_only=True)
@@ -45,9 +45,9 @@ class GroundReflection:
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:
-            places = np.arange(0.0, self.farthest_m, _STEP_M)
+            places = np.arange(0.0, self.farthest_m, PLANNING.table_step_m)
             table = self.gain_db(places, height).astype(np.float32)
             self._tables[height] = table
         ground = np.sqrt(dx * dx + dy * dy)
-        place = np.minimum(ground * (1.0 / _STEP_M) + 0.5, len(table) - 1)
+        place = np.minimum(ground * (1.0 / PLANNING.table_step_m) + 0.5, len(table) - 1)
         return np.asarray(table[place.astype(np.int32)])

@@ -6,11 +6,7 @@ import numpy as np
 
 from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.division import Start, divided
-
-_STAY_S = 6.0
-"""Time at a tag of a round: a turn towards it and its last pulses."""
-_KNOWN = 0.5
-"""Share of its area's extent: tags with wider clouds are searched by all drones."""
+from uavrt.planning.tuning import PLANNING
 
 
 def shared_out(
@@ -37,7 +33,7 @@ def shared_out(
         np.array([one.east_m for one in places]),
         np.array([one.north_m for one in places]),
         speed_m_s=speed_m_s,
-        stay_s=_STAY_S,
+        stay_s=PLANNING.stay_s,
         owners=[place.get(owners.get(one.tag_id)) for one in known],
     )
     return {
@@ -50,4 +46,4 @@ def _is_known(belief: TagBelief) -> bool:
     """True if it is known in which part of its area a tag is."""
     area = belief.prior.area
     width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
-    return belief.spread().rms_m < float(_KNOWN * width)
+    return belief.spread().rms_m < float(PLANNING.located_share * width)

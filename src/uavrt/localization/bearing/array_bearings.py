@@ -17,6 +17,7 @@ from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.pattern_likelihood import GRID_DEG
 from uavrt.localization.bearing.posterior import described
+from uavrt.localization.bearing.tuning import SIMPLE
 from uavrt.localization.results import ArrayMethod, Bearing
 
 _Floats = NDArray[np.float64]
@@ -24,9 +25,6 @@ _Complex = NDArray[np.complex128]
 
 Steering = Callable[[_Floats], _Complex]
 """Directions (b,) clockwise from the array's nose [deg] to amplitudes (b, elements)."""
-
-_FADING_DB = 2.0
-"""Level difference of two adjacent antennas for reasons other than direction."""
 
 
 def circle_steering(
@@ -108,7 +106,7 @@ def amplitude_monopulse(
     snr_db: _Floats,
     pattern: AntennaPattern,
     *,
-    fading_db: float = _FADING_DB,
+    fading_db: float = SIMPLE.array_fading_db,
 ) -> Bearing:
     """Estimate a bearing from fixed antennas that receive the same pulses.
 

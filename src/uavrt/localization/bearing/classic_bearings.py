@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.bearing.tuning import SIMPLE
 from uavrt.units import wrap_degrees_360
 
-_SCAN_DEG = np.arange(0.0, 360.0, 0.5)
+_SCAN_DEG = np.arange(0.0, 360.0, SIMPLE.scan_step_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.estimate import estimate_bearing
-
-_HARMONICS = 6
-_ROUNDS = 3
-_PRIOR_DB = 1.5
-"""Error of a maker's plot, rms over all angles."""
-_STEPS = 37  # of 5°
+from uavrt.localization.bearing.tuning import LEARNED_PATTERN
 
 _Floats = NDArray[np.float64]
 
@@ -49,13 +44,15 @@ def learn_pattern(
     """
     if not turns:
         raise UsageError("there are no turns to learn from", remedy="Turn in place near a tag")
-    angles = np.linspace(0.0, 180.0, _STEPS)
+    angles = np.linspace(0.0, 180.0, LEARNED_PATTERN.angles)
     table = antenna.gain_db(angles)
-    correction: _Floats = np.zeros(_HARMONICS)
+    correction: _Floats = np.zeros(LEARNED_PATTERN.harmonics)
     learnt = antenna
-    for _ in range(_ROUNDS):
-        normal = np.eye(_HARMONICS) * (_HARMONICS / (2.0 * _PRIOR_DB**2))
-        right = np.zeros(_HARMONICS)
+    for _ in range(LEARNED_PATTERN.rounds):
+        normal = np.eye(LEARNED_PATTERN.harmonics) * (
+            LEARNED_PATTERN.harmonics / (2.0 * LEARNED_PATTERN.prior_db**2)
+        )
+        right = np.zeros(LEARNED_PATTERN.harmonics)
         for turn in turns:
             rows, values = _equations(turn, learnt, correction, threshold_db)
             normal += rows.T @ rows
@@ -73,7 +70,7 @@ def learn_pattern(
 
 def _basis(angle_deg: _Floats) -> _Floats:
     """(n, harmonics) cosines: mirrored, and smooth at 0° and 180°."""
-    order = np.arange(1, _HARMONICS + 1)
+    order = np.arange(1, LEARNED_PATTERN.harmonics + 1)
     return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
 
 
@@ -94,10 +91,10 @@ def _equations(
     )
     if not found.accepted:
         # Noise shows no pattern.
-        return np.zeros((0, _HARMONICS)), np.zeros(0)
+        return np.zeros((0, LEARNED_PATTERN.harmonics)), np.zeros(0)
     heard = ~np.isnan(turn.matched_power)
     off = found.bearing_deg - turn.yaw_deg[heard]
-    fading = found.fading_db if found.fading_db is not None else _PRIOR_DB
+    fading = found.fading_db if found.fading_db is not None else LEARNED_PATTERN.prior_db
     s = 10.0 ** (((found.level_db or 0.0) + pattern.gain_db(off)) / 10.0)
     follow = s / (1.0 + s)
     measured = 10.0 * np.log10(np.maximum(turn.matched_power[heard], 0.1))

@@ -27,12 +27,12 @@ from uavrt.localization.bearing.posterior import (
     shortest_arc,
     whole_degrees,
 )
+from uavrt.localization.bearing.tuning import PATTERN
 from uavrt.localization.bearing.two_paths import TwoPaths, two_paths
 from uavrt.localization.headings import Headings
-from uavrt.localization.power_law import FADINGS_DB, power_tables
+from uavrt.localization.power_law import power_tables
 from uavrt.localization.results import Bearing
-
-_LEAST_FOR_CORRELATION = 12
+from uavrt.localization.tuning import POWER_LAW
 
 
 def pattern_ml(
@@ -116,7 +116,7 @@ def _fitted(turn: _Turn) -> _Fit:
         turn.matched_power,
         turn.missed_below,
         folds=turn.folds,
-        fadings_db=FADINGS_DB if known is None else (max(known, 0.3),),
+        fadings_db=POWER_LAW.fadings_db if known is None else (max(known, 0.3),),
     )
     found = bearing_likelihood(tables, turn.gain, turn.noise_db)
     best_deg = peak_deg(found.log_density)
@@ -277,7 +277,7 @@ def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) ->
     deviation of chance, 1/√n, is subtracted.
     """
     count = len(residual)
-    if count < _LEAST_FOR_CORRELATION:
+    if count < PATTERN.correlation_pulses:
         return 0.0
     power = float(residual @ residual)
     turned = residual[np.argsort(yaw_deg, kind="stable")]

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-
-_FINE_HZ = 0.5
-"""Step of the carrier search; over 20 ms, 0.03 of a turn."""
+from uavrt.localization.bearing.tuning import SIMPLE
 
 _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
@@ -133,8 +131,8 @@ def _fitted(
     frequency_error_hz: float,
 ) -> SwitchedPulse:
     """Carrier at which the visits (v,) of each position (v, p) agree best."""
-    steps = max(1, round(frequency_error_hz / _FINE_HZ))
-    error_hz = np.arange(-steps, steps + 1) * _FINE_HZ
+    steps = max(1, round(frequency_error_hz / SIMPLE.carrier_step_hz))
+    error_hz = np.arange(-steps, steps + 1) * SIMPLE.carrier_step_hz
     turned = sums * np.exp(-2j * np.pi * error_hz[:, None] * middle_s)
     weight = counts @ at_position
     power = np.sum(np.abs(turned @ at_position) ** 2 / weight, axis=1)

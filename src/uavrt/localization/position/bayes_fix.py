@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Ellipse
 
 _Floats = NDArray[np.float64]
@@ -19,25 +20,6 @@ _Floats = NDArray[np.float64]
 LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
 """East and north (places,) and the width of each place's cell [m] (places,) to the
 log-likelihood (places,)."""
-
-FIRST_CELLS = 36
-"""Cells along the longer side before any is quartered."""
-HELD = 6e-4
-_HELD_ROUGH = 2e-6
-"""Probability above which a cell is quartered if its density varies by `_ROUGH_NATS`: a narrow
-peak may be hidden in it."""
-_ROUGH_NATS = 1.0
-_ADDED_NATS = 0.1
-"""Change of log-likelihood by another likelihood from which a cell may be rough again."""
-_OVERLOOKED_NATS = 7.0
-"""Log-density below the best within which a wide cell's corner may be an overlooked peak."""
-_EDGE_SHARE = 0.005
-"""Probability of the outermost cells above which the area cuts the posterior."""
-_LEAST_WIDTH_M = 0.1
-_ROUNDS = 18
-_MAP_SHARE = 0.999
-"""Least probability that the map covers; the rest is spread too wide."""
-_PEAK_CELLS = 44
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +56,7 @@ class Cells:
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     rough: NDArray[np.bool_]
-    """(n,) True where the density may vary by more than `_ROUGH_NATS` in a cell."""
+    """(n,) True where the density may vary by more than `GRID.rough_nats` in a cell."""
 
     def mean(self) -> tuple[float, float]:
         """East and north [m] of the point with the least expected squared error."""
@@ -159,8 +141,8 @@ def cells_posterior(
     log_likelihood: LogLikelihood,
     area: Area,
     *,
-    first_cells: int = FIRST_CELLS,
-    held: float = HELD,
+    first_cells: int = GRID.first_cells,
+    held: float = GRID.held,
     growth: float = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
@@ -192,7 +174,7 @@ def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats)
     constant, no cell is quartered again.
     """
     added = density - cells.log_density
-    rough = cells.rough | (added - np.median(added) > _ADDED_NATS)
+    rough = cells.rough | (added - np.median(added) > GRID.added_nats)
     return _quartered(
         log_likelihood, cells.east_m, cells.north_m, cells.width_m, density, rough
     )
@@ -205,19 +187,19 @@ def _quartered(
     width: _Floats,
     density: _Floats,
     rough: NDArray[np.bool_],
-    held: float = HELD,
+    held: float = GRID.held,
     growth: float = 1.0,
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
     """Quarter cells as long as they hold much, or vary much within."""
-    at_edge = _edge_share(east, north, width, density) > _EDGE_SHARE
+    at_edge = _edge_share(east, north, width, density) > GRID.edge_share
     widest = float(width.max())
-    for _ in range(_ROUNDS):
+    for _ in range(GRID.rounds):
         probability, _ = _normalised(density, width)
-        worth = _HELD_ROUGH * growth ** np.log2(widest / width)
+        worth = GRID.held_rough * growth ** np.log2(widest / width)
         split = (probability > held) | (rough & (probability > worth))
-        split &= width > _LEAST_WIDTH_M
+        split &= width > GRID.least_width_m
         if within is not None:
             split |= (width > shows_m) & within.touches(east, north, 0.5 * width)
         if within is not None and not split.any():
@@ -230,8 +212,10 @@ def _quartered(
         new_north = np.concatenate([north[split] + y * quarter for _, y in corners])
         new_width = np.tile(2.0 * quarter, 4)
         new_density = log_likelihood(new_east, new_north, new_width)
-        varies = np.ptp(new_density.reshape(4, -1), axis=0) > _ROUGH_NATS
-        varies |= np.abs(new_density.reshape(4, -1).max(axis=0) - density[split]) > _ROUGH_NATS
+        varies = np.ptp(new_density.reshape(4, -1), axis=0) > GRID.rough_nats
+        varies |= (
+            np.abs(new_density.reshape(4, -1).max(axis=0) - density[split]) > GRID.rough_nats
+        )
         rough = np.concatenate([rough[~split], np.tile(varies, 4)])
         east, north = (
             np.concatenate([old[~split], new])
@@ -268,7 +252,9 @@ def _overlooked(
     if not wide.size:
         return found
     corner_e, corner_n = east[wide] + half[wide], north[wide] + half[wide]
-    likely = log_likelihood(corner_e, corner_n, width[wide]) > density.max() - _OVERLOOKED_NATS
+    likely = (
+        log_likelihood(corner_e, corner_n, width[wide]) > density.max() - GRID.overlooked_nats
+    )
     for x, y in zip(corner_e[likely], corner_n[likely], strict=True):
         reach = 1.01 * half[wide]
         found[wide] |= (np.abs(east[wide] - x) < reach) & (np.abs(north[wide] - y) < reach)
@@ -281,7 +267,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
     Searched on an even grid over the more likely half: cells of several sizes are blurred
     differently, and cannot be compared to the last metre.
     """
-    east, north, probability = map_of(cells, log_likelihood, _PEAK_CELLS, share=0.5)
+    east, north, probability = map_of(cells, log_likelihood, GRID.peak_cells, share=0.5)
     values = np.log(np.maximum(probability, 1e-300))
     row, column = np.unravel_index(int(np.argmax(values)), values.shape)
     return (
@@ -291,7 +277,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
 
 
 def map_of(
-    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = _MAP_SHARE
+    cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = GRID.map_share
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Probability on an even grid around most of it: east (x,), north (y,), and (y, x)."""
     around = cells.around(share)

@@ -7,11 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.bearing_evidence import (
-    UNKNOWN_SIGMAS_DEG,
-    BearingEvidence,
-    von_mises,
-)
+from uavrt.localization.position.bearing_evidence import BearingEvidence, von_mises
 from uavrt.localization.position.common_errors import Explanation
 from uavrt.localization.position.level_evidence import LevelEvidence, Levels, Propagation
 from uavrt.localization.position.over_hills import OverHills
@@ -19,19 +15,13 @@ from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.position.survey_errors import SurveyEvidence
+from uavrt.localization.position.tuning import BEARING_FIX, GRID
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]
 """East and north (places,) to (places,)."""
-_BEARING_RANGE_M = 3000.0
-_NEAR_M = 100.0
-"""Distance below which all places are equally likely."""
-_PEAK_HEIGHTS = 0.25
-"""Width of a survey's likelihood peak, in heights above the tag."""
-_LEAST_SHARE = 1.0 / 16.0
-"""Largest size of cells for that, as a share of the survey's extent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +82,7 @@ class Model:
         """Area of the tag's possible places."""
         around = self._surveyed
         length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
-        margin = max(300.0, 0.5 * length) if self.stations is None else _BEARING_RANGE_M
+        margin = max(300.0, 0.5 * length) if self.stations is None else GRID.bearing_range_m
         return _area(self.tracks, self.known.max_range_m or margin)
 
     @property
@@ -105,7 +95,10 @@ class Model:
         """Cell width that misses no peak of a survey; at least a share of its extent."""
         around = self.overflown
         square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
-        return max(_PEAK_HEIGHTS * self._height_m, _LEAST_SHARE * float(np.sqrt(square_m2)))
+        return max(
+            GRID.peak_heights * self._height_m,
+            GRID.least_extent_share * float(np.sqrt(square_m2)),
+        )
 
     @property
     def _height_m(self) -> float:
@@ -138,7 +131,7 @@ def _bearing_evidence(
     else:
         densities = [
             von_mises(stations.bearing_deg, np.full(len(east), sigma))
-            for sigma in UNKNOWN_SIGMAS_DEG
+            for sigma in BEARING_FIX.unknown_sigmas_deg
         ]
     return [
         BearingEvidence(
@@ -219,7 +212,9 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
     middle_north = 0.5 * (around.south_m + around.north_m)
     extent = np.hypot(around.east_m - around.west_m, around.north_m - around.south_m)
     distance = np.hypot(east_m - middle_east, north_m - middle_north)
-    return np.asarray(-2.0 * np.log(np.maximum(distance, max(_NEAR_M, 0.5 * float(extent)))))
+    return np.asarray(
+        -2.0 * np.log(np.maximum(distance, max(GRID.near_m, 0.5 * float(extent))))
+    )
 
 
 def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:

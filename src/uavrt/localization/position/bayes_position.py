@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.bearing.posterior import LOBE_DEG
+from uavrt.localization.bearing.tuning import PATTERN
 from uavrt.localization.position.bayes_fix import (
-    FIRST_CELLS,
-    HELD,
     Cells,
     LogLikelihood,
     cells_posterior,
@@ -34,22 +32,10 @@ from uavrt.localization.position.follow import Follow, followed
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.survey_errors import cautions_of_survey
+from uavrt.localization.position.tuning import GRID
 from uavrt.localization.results import Caution, Position, PositionGrid
 
 _Floats = NDArray[np.float64]
-_NEGLIGIBLE = 0.005
-"""Probability below which an explanation changes no circle."""
-_BEARING_CELLS = 100
-_SURVEY_FIRST_CELLS = 28
-_SURVEY_HELD = 2e-3
-"""Least probability of a survey's cells that are quartered; smaller cells change neither
-circles nor mean."""
-_SURVEY_GROWTH = 2.0
-"""Growth of that limit on a peak's slopes: without, 95 % circles are 0.3 % wider, at half as
-many cells again."""
-_POWER_CELLS = 44
-"""First cells along a side for some hundred pulses: a coarser grid keeps a position under 150
-ms."""
 
 
 def bayes_position(
@@ -72,7 +58,9 @@ def bayes_position(
     latitude, longitude = model.plane.to_geodetic(east, north)
     fit = None if model.track is None else model.track.fit(np.array([east]), np.array([north]))
     map_east, map_north, probability = map_of(
-        cells, solved.log_likelihood, _BEARING_CELLS if model.track is None else _POWER_CELLS
+        cells,
+        solved.log_likelihood,
+        GRID.bearing_cells if model.track is None else GRID.power_cells,
     )
     doubts = _doubts(model, cells)
     error, sigma = _heading_error(model, doubts, agreement)
@@ -129,9 +117,9 @@ def _solved(model: Model) -> _Solved:
     cells = cells_posterior(
         model.log_likelihood,
         model.area,
-        first_cells=_SURVEY_FIRST_CELLS if surveyed else FIRST_CELLS,
-        held=_SURVEY_HELD if surveyed else HELD,
-        growth=_SURVEY_GROWTH if surveyed else 1.0,
+        first_cells=GRID.survey_first_cells if surveyed else GRID.first_cells,
+        held=GRID.survey_held if surveyed else GRID.held,
+        growth=GRID.survey_growth if surveyed else 1.0,
         within=model.overflown if surveyed else None,
         shows_m=model.shows_m if surveyed else np.inf,
     )
@@ -191,7 +179,7 @@ class _Agreement:
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
         """Explanations other than a resting tag, if they matter."""
-        return tuple(one for one in self.found[1:] if one[0] > _NEGLIGIBLE)
+        return tuple(one for one in self.found[1:] if one[0] > GRID.negligible)
 
     @property
     def best(self) -> Fit | None:
@@ -268,7 +256,7 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
     """Mean and standard deviation of the main lobe of whole degrees' probabilities."""
     degrees = np.arange(360.0) * (360.0 / len(posterior))
     off = difference_deg(degrees, float(degrees[int(np.argmax(posterior))]))
-    inside = np.abs(off) <= LOBE_DEG
+    inside = np.abs(off) <= PATTERN.lobe_deg
     weight = posterior[inside] / posterior[inside].sum()
     mean = float(weight @ off[inside])
     variance = float(weight @ (off[inside] - mean) ** 2)

@@ -14,29 +14,12 @@ from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
 from uavrt.localization.angles import difference_deg, widest_gap_deg
+from uavrt.localization.position.tuning import COMMON
 from uavrt.localization.results import Caution
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 
-LEAST_STATIONS = 4
-AROUND_DEG = 210.0
-"""Widest arc without a station, seen from the tag."""
-WRONG_COMPASS_SHARE = 0.02
-WRONG_COMPASS_DEG = 20.0
-"""Standard deviation of the headings when the compass is wrong."""
-WALKING_SHARE = 0.05
-WALKING_M_S = 0.5
-"""Standard deviation of a walking animal's speed in each direction."""
-_LEAST_SPAN_S = 20.0
-_CONTRADICTION = 0.01
-"""Probability of the bearings' scatter below which they contradict each other: once in a
-hundred flights."""
-_SURELY_GOOD = 0.1
-"""Outlier probability below which a bearing is a good one."""
-_LEAST_AGREEING = 3
-_ROUNDS = 25
-_LOOSE_ROUNDS = 8
 
 Explanation = Literal["rest", "compass", "walk"]
 UNUSUAL: frozenset[Explanation] = frozenset({"compass", "walk"})
@@ -92,10 +75,10 @@ class _Model:
 
 def stations_around(east_m: _Floats, north_m: _Floats, place: tuple[float, float]) -> bool:
     """True if enough stations surround a place to show common errors."""
-    if len(east_m) < LEAST_STATIONS:
+    if len(east_m) < COMMON.least_stations:
         return False
     seen = np.degrees(np.arctan2(east_m - place[0], north_m - place[1]))
-    return widest_gap_deg(seen) <= AROUND_DEG
+    return widest_gap_deg(seen) <= COMMON.widest_gap_deg
 
 
 def explanations(
@@ -117,19 +100,19 @@ def explanations(
         models.append(
             _Model(
                 explanation="compass",
-                share=WRONG_COMPASS_SHARE,
-                heading_sigma_deg=WRONG_COMPASS_DEG,
+                share=COMMON.wrong_compass_share,
+                heading_sigma_deg=COMMON.wrong_compass_deg,
                 speed_m_s=0.0,
             )
         )
-    timed = bearings.time_s is not None and np.ptp(bearings.time_s) >= _LEAST_SPAN_S
+    timed = bearings.time_s is not None and np.ptp(bearings.time_s) >= COMMON.least_span_s
     if timed and "walk" in unusual:
         models.append(
             _Model(
                 explanation="walk",
-                share=WALKING_SHARE,
+                share=COMMON.walking_share,
                 heading_sigma_deg=heading_sigma_deg,
-                speed_m_s=WALKING_M_S,
+                speed_m_s=COMMON.walking_m_s,
             )
         )
     resting = _Model(
@@ -174,8 +157,8 @@ def _fitted(
     sigmas = np.array([max(model.heading_sigma_deg, 1e-3)] + 2 * [max(model.speed_m_s, 1e-6)])
     prior = np.concatenate([[1e-12, 1e-12], sigmas**-2.0])
     theta = start.copy()
-    for number in range(_ROUNDS):
-        loose = max(1.0, 6.0 * (1.0 - number / _LOOSE_ROUNDS))
+    for number in range(COMMON.rounds):
+        loose = max(1.0, 6.0 * (1.0 - number / COMMON.loose_rounds))
         residual, slopes = _linearised(bearings, theta, ago)
         weight = _inlier(residual, loose * bearings.sigma_deg, outlier_share)
         weight = weight / (loose * bearings.sigma_deg) ** 2
@@ -183,7 +166,7 @@ def _fitted(
         step = np.linalg.solve(curvature, (slopes.T * weight) @ residual - prior * theta)
         length = float(np.hypot(step[0], step[1]))
         theta = theta + step * min(1.0, 300.0 / max(length, 1e-9))
-        if number >= _LOOSE_ROUNDS and length < 0.05:
+        if number >= COMMON.loose_rounds and length < 0.05:
             break
     residual, slopes = _linearised(bearings, theta, ago)
     inlier = _inlier(residual, bearings.sigma_deg, outlier_share)
@@ -238,7 +221,7 @@ def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
 UNCHECKED = Caution(
     name="unchecked",
     text="a shared error (compass, a moving tag) cannot be checked: that needs "
-    f"{LEAST_STATIONS} bearings from around the tag",
+    f"{COMMON.least_stations} bearings from around the tag",
 )
 
 UNKNOWN_SIGMAS = Caution(
@@ -271,7 +254,7 @@ def cautions_of(
         )
         found.append(Caution(name="walk", text=text))
     odd = _odd(fit, outlier_probabilities)
-    scatter = bool(np.all(fit.inlier >= 0.5)) and fit.misfit < _CONTRADICTION
+    scatter = bool(np.all(fit.inlier >= 0.5)) and fit.misfit < COMMON.contradiction
     return (*found, *_cautions_of_odd(odd, scatter=scatter))
 
 
@@ -286,7 +269,7 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
     Two lines always cross somewhere: with an odd bearing, two others confirm nothing.
     """
     numbers = np.flatnonzero(odd) + 1
-    few = len(odd) - len(numbers) < _LEAST_AGREEING
+    few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
         text = f"{_contradicting(numbers)}: the place may be wrong"
         return (Caution(name="contradiction", text=text),)
@@ -316,4 +299,4 @@ def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[n
     if fit.explanation != "rest" or outlier_probabilities is None:
         return odd
     probability = np.array(outlier_probabilities)
-    return np.asarray((probability > 0.5) | (odd & (probability > _SURELY_GOOD)))
+    return np.asarray((probability > 0.5) | (odd & (probability > COMMON.good_outlier)))

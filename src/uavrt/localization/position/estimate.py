@@ -11,23 +11,18 @@ from uavrt.localization.position import lenth
 from uavrt.localization.position.bayes_fix import ellipse_of, normal_radius_m
 from uavrt.localization.position.bayes_model import Known
 from uavrt.localization.position.bayes_position import bayes_position
-from uavrt.localization.position.common_errors import LEAST_STATIONS, UNUSUAL
+from uavrt.localization.position.common_errors import UNUSUAL
 from uavrt.localization.position.follow import Follow
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
 from uavrt.localization.results import Position, PositionMethod
 from uavrt.plugins import Registry
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
-HEADING_SIGMA_DEG = 1.5
-"""Default error that all headings of a flight share: a calibrated compass, a mounting by eye,
-and the declination."""
-LEAST_EXTENT_M = 20.0
-"""Least extent of a track of powers; less is one place with GNSS noise."""
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
 ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
 """Estimators of installed packages, by the name of the method."""
@@ -39,8 +34,8 @@ def estimate_position(
     *,
     method: PositionMethod | str = "bayes",
     outlier_share: float | None = None,
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
+    heading_sigma_deg: float = COMMON.heading_sigma_deg,
+    height_sigma_m: float = SURVEY.height_sigma_m,
     propagation: Propagation | None = None,
     max_range_m: float | None = None,
     follow: bool = False,
@@ -92,7 +87,7 @@ def estimate_position(
     """
     _check(stations, powers)
     if method in ("bayes", "track"):
-        few = stations is None or len(stations.bearing_deg) < LEAST_STATIONS
+        few = stations is None or len(stations.bearing_deg) < COMMON.least_stations
         known = Known(
             outlier_share=(0.02 if few else 0.05) if outlier_share is None else outlier_share,
             heading_sigma_deg=heading_sigma_deg,
@@ -137,10 +132,15 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
             )
         if powers.antenna is not None and powers.yaw_deg is None:
             raise UsageError("a directional antenna needs headings", remedy="Give yaw_deg")
-        if stations is None and powers.antenna is None and _extent_m(powers) < LEAST_EXTENT_M:
+        if (
+            stations is None
+            and powers.antenna is None
+            and _extent_m(powers) < POWER.least_extent_m
+        ):
             raise UsageError(
                 "signal strengths from one place give neither direction nor distance",
-                remedy=f"Fly {LEAST_EXTENT_M:.0f} m or more past the tag, or turn an antenna",
+                remedy=f"Fly {POWER.least_extent_m:.0f} m or more past the tag, or turn "
+                "an antenna",
             )
 
 

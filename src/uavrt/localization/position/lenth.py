@@ -10,12 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
-
-_ITERATIONS = 200
-_CONVERGED_M = 0.001
-_ANDREWS = 1.5
-_FAR_M = 100_000.0
-"""Distance beyond any radio tag's range, which means divergence."""
+from uavrt.localization.position.tuning import BEARING_FIX
 
 _Floats = NDArray[np.float64]
 
@@ -50,15 +45,15 @@ def maximum_likelihood(rays: Rays) -> PlanePosition | None:
     """Lenth's MLE: least von Mises deviation of all bearings; None when it diverges."""
     point = _start(rays, np.ones(len(rays.east_m)))
     weights = np.ones(len(rays.east_m))
-    for _ in range(_ITERATIONS):
+    for _ in range(BEARING_FIX.iterations):
         if point is None:
             return None
         step = _solved(rays, weights, *_starred(rays, point))
-        if step is None or not np.hypot(*step) < _FAR_M:
+        if step is None or not np.hypot(*step) < BEARING_FIX.diverged_m:
             return None
         moved = float(np.hypot(*(step - point)))
         point = step
-        if moved < _CONVERGED_M:
+        if moved < BEARING_FIX.converged_m:
             return _placed(rays, point, weights)
     return None
 
@@ -72,7 +67,7 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """
     weights = np.ones(len(rays.east_m))
     point = _start(rays, weights)
-    for _ in range(_ITERATIONS):
+    for _ in range(BEARING_FIX.iterations):
         if point is None:
             return None
         deviation = _deviation(rays, point)
@@ -82,10 +77,10 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
         t = np.sqrt(2.0 * kappa * (1.0 - np.cos(deviation)))
         weights = _andrews(t)
         step = _solved(rays, weights, *_starred(rays, point))
-        if step is None or not np.hypot(*step) < _FAR_M:
+        if step is None or not np.hypot(*step) < BEARING_FIX.diverged_m:
             return None
         moved = float(np.hypot(*(step - point)))
-        if moved < _CONVERGED_M:
+        if moved < BEARING_FIX.converged_m:
             # The original hands out the iterate before the last; it is the same millimetre.
             return _placed(rays, point, weights)
         point = step
@@ -163,7 +158,11 @@ def _bessel_ratio(kappa: float) -> float:
 def _andrews(t: _Floats) -> _Floats:
     """Andrews' psi(t) / t: 1 at zero, none beyond 1.5 π."""
     safe = np.maximum(t, 1e-9)
-    weight = np.where(safe < _ANDREWS * np.pi, _ANDREWS * np.sin(safe / _ANDREWS) / safe, 0.0)
+    weight = np.where(
+        safe < BEARING_FIX.andrews * np.pi,
+        BEARING_FIX.andrews * np.sin(safe / BEARING_FIX.andrews) / safe,
+        0.0,
+    )
     return np.asarray(weight)
 
 

@@ -15,22 +15,9 @@ from numpy.typing import NDArray
 
 from uavrt.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
-from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
+from uavrt.localization.position.loss_error import LossError, doubtful_db
+from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
 from uavrt.terrain.hill_losses import HillLosses
-
-_ROOT_TWO_PI = 2.506_628_275
-BY_CHANCE = 0.02
-"""Share of pulses that are missed, or received at any strength, independently of geometry."""
-ANY_STRENGTH = 1.0 / 120.0
-"""Density of these [1/dB]."""
-_BARELY_DB = 3.0
-REFERENCE_M = 100.0
-_TINY = 1e-30
-_COSINES = 4096
-"""Steps of a pattern's table: 1.8° at boresight, where it is flat, 0.03° across it."""
-_TAIL_STEP = 0.005
-_TAIL = 12.0
-"""Range of the normal tail's table [standard deviations]."""
 
 _Floats = NDArray[np.floating[Any]]
 """Single or double precision, as in the input."""
@@ -62,7 +49,9 @@ def by_chance_density(heard: Listening) -> float:
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
-    return 0.5 * ANY_STRENGTH + 0.5 / _BARELY_DB * exp(-over / _BARELY_DB)
+    return 0.5 * LEVEL.any_strength_per_db + 0.5 / LEVEL.false_pulse_db * exp(
+        -over / LEVEL.false_pulse_db
+    )
 
 
 @lru_cache(maxsize=64)
@@ -72,7 +61,7 @@ def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np
     A pattern is evaluated for ten thousand places with every pulse: without arc cosines that
     takes a fifth of the time.
     """
-    forward = np.linspace(-1.0, 1.0, _COSINES + 1)
+    forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
     aside = np.sqrt(1.0 - forward**2)
     none = np.zeros_like(forward)
     return (
@@ -83,15 +72,17 @@ def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np
 
 @lru_cache(maxsize=1)
 def _tails() -> NDArray[np.float32]:
-    """(n,) logarithm of the normal distribution function, from -_TAIL to _TAIL."""
-    return special.log_ndtr(np.arange(-_TAIL, _TAIL + _TAIL_STEP, _TAIL_STEP)).astype(
-        np.float32
-    )
+    """(n,) logarithm of the normal distribution function, symmetric about 0."""
+    return special.log_ndtr(
+        np.arange(-LEVEL.tail_sigmas, LEVEL.tail_sigmas + LEVEL.tail_step, LEVEL.tail_step)
+    ).astype(np.float32)
 
 
 def log_normal_tail(u: _Floats) -> _Floats:
     """Logarithm of the normal distribution function; constant beyond 12."""
-    place = (np.clip(u, -_TAIL, _TAIL) + _TAIL) * (1.0 / _TAIL_STEP) + 0.5
+    place = (np.clip(u, -LEVEL.tail_sigmas, LEVEL.tail_sigmas) + LEVEL.tail_sigmas) * (
+        1.0 / LEVEL.tail_step
+    ) + 0.5
     return np.asarray(_tails()[place.astype(np.int32)])
 
 
@@ -117,7 +108,7 @@ def antenna_gain_db(
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
         right = dx * np.cos(yaw) - dy * np.sin(yaw)
     forward = np.clip(ahead / slant_m, -1.0, 1.0)
-    place = ((forward + 1.0) * (0.5 * _COSINES) + 0.5).astype(np.int32)
+    place = ((forward + 1.0) * (0.5 * LEVEL.pattern_steps) + 0.5).astype(np.int32)
     in_plane, across = _by_cosine(pattern)
     gain = in_plane[place]
     if pattern.h_plane_db is None:
@@ -155,7 +146,7 @@ class Behind:
 
     def scatter_db(self, fading_db: float) -> _Floats:
         """Fading, and the part of the losses' error that differs from pulse to pulse."""
-        return np.asarray(np.hypot(fading_db, OF_EACH_PULSE * self.lost_db))
+        return np.asarray(np.hypot(fading_db, LOSS.pulse_share * self.lost_db))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -187,7 +178,7 @@ class LevelBelief:
         yaw = None if heard.yaw_deg is None else float(heard.yaw_deg)
         slant2 = np.maximum(dx * dx + dy * dy + height**2, 1.0)
         gain = antenna_gain_db(pattern, yaw, dx, dy, height, np.sqrt(slant2))
-        loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(REFERENCE_M))
+        loss = exponent * (5.0 * np.log10(slant2) - 10.0 * np.log10(POWER.reference_m))
         expected = self.mean_db - loss + gain
         if behind is None:
             return np.asarray(expected)
@@ -209,8 +200,8 @@ class LevelBelief:
         expected_db: _Floats,
         fading_db: _Floats | float,
         *,
-        missed_share: float = BY_CHANCE,
-        chance_share: float = BY_CHANCE,
+        missed_share: float = LEVEL.by_chance,
+        chance_share: float = LEVEL.by_chance,
         elsewhere: float = 0.0,
         behind: Behind | None = None,
     ) -> _Floats:
@@ -229,10 +220,10 @@ class LevelBelief:
             variance = self.spread_db2(behind) + variance
         if heard.snr_db is not None:
             innovation = float(heard.snr_db) - expected_db
-            scale = (1.0 - missed_share) / _ROOT_TWO_PI / np.sqrt(variance)
+            scale = (1.0 - missed_share) / LEVEL.root_two_pi / np.sqrt(variance)
             density = np.exp(-0.5 * innovation * innovation / variance) * scale
             others = chance_share * by_chance_density(heard) + elsewhere
-            mixed = density + max(others, _TINY)
+            mixed = density + max(others, LEVEL.least_share)
             if learns:
                 # What came by chance says nothing of the strength.
                 part = density / mixed / variance
@@ -241,9 +232,9 @@ class LevelBelief:
         u = (float(heard.threshold_db) - expected_db) / np.sqrt(variance)
         log_below = log_normal_tail(u)
         below = np.exp(log_below) * (1.0 - missed_share)
-        mixed = below + max(missed_share, _TINY)
+        mixed = below + max(missed_share, LEVEL.least_share)
         if learns:
-            hazard = np.exp(-0.5 * u * u - log_below) / _ROOT_TWO_PI
+            hazard = np.exp(-0.5 * u * u - log_below) / LEVEL.root_two_pi
             ratio = below / mixed * hazard
             part = np.clip(ratio * (ratio + u), 0.0, 1.0) / variance
             self._learn(behind, -ratio / np.sqrt(variance), part)

@@ -12,15 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.position.level_belief import antenna_gain_db
-from uavrt.localization.position.over_hills import LOSS_ERROR, OverHills
+from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.strengths import Strengths
+from uavrt.localization.position.tuning import LEVEL, POWER
 
 _Floats = NDArray[np.float64]
-
-OWN_GAINS_DB = ((0.7, 6.0), (0.3, 20.0))
-"""Common error of a receiver's levels: probability and standard deviation. Another radio or
-cable makes some decibels. An antenna 6 m over the ground hears a far tag 20 dB weaker than one
-at 60 m (two rays: 20 log of the heights' ratio), and one behind a hut weaker still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +75,7 @@ class LevelEvidence:
         several = len(groups) > 0 and not listeners
         self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
         """(n, errors) which levels share each receiver's error, then P."""
-        self._own_gains = OWN_GAINS_DB if listeners else ((1.0, 1.0),)
+        self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
         """(places,) up to a constant."""
@@ -90,7 +86,7 @@ class LevelEvidence:
         if over is not None:
             lost = over.lost_db(east_m, north_m).astype(np.float64)
             height = height - over.hills.rise_m(east_m, north_m)[:, np.newaxis]
-            variance = variance + (LOSS_ERROR * lost) ** 2
+            variance = variance + (POWER.hill_error * lost) ** 2
         slant2 = dx * dx + dy * dy + np.maximum(np.abs(height), 1.0) ** 2
         x = -5.0 * np.log10(slant2 / 100.0**2)
         heard = levels.level_db + lost - self._gain_db(dx, dy, np.sqrt(slant2))

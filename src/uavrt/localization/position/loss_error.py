@@ -13,20 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_Floats = NDArray[np.floating[Any]]
+from uavrt.localization.position.tuning import LOSS
 
-USUAL = 0.4
-"""Mean of the error: round tops take up to twice a sharp edge's loss (P.526-15, 4.2), and woods
-add to it."""
-SIGMA = 0.5
-"""Standard deviation of the error before any pulse."""
-ALIKE_M = 800.0
-"""Length of the drone's path after which two errors are correlated by 1 / e."""
-OF_EACH_PULSE = 0.05
-"""Standard deviation of the part that differs from pulse to pulse, as a share of the loss."""
-_RANGE = (-0.7, 2.5)
-_GRAZING_DB = 6.0
-_GRAZES_DB = 3.0
+_Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
@@ -34,7 +23,9 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 
     Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
     """
-    return np.asarray(lost_db - _GRAZING_DB * np.expm1(lost_db * (-1.0 / _GRAZES_DB)))
+    return np.asarray(
+        lost_db - LOSS.grazing_db * np.expm1(lost_db * (-1.0 / LOSS.grazing_fall_db))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,8 +41,8 @@ class LossError:
     def unlearnt(cls, shape: tuple[int, ...] | int) -> "LossError":
         """Prior error, before any pulse."""
         return cls(
-            mean=np.full(shape, USUAL, np.float32),
-            variance=np.full(shape, SIGMA**2, np.float32),
+            mean=np.full(shape, LOSS.mean, np.float32),
+            variance=np.full(shape, LOSS.sigma**2, np.float32),
             with_level_db=np.zeros(shape, np.float32),
         )
 
@@ -72,10 +63,12 @@ class LossError:
         """The same from another place of the drone, with a partly new error."""
         if was_m is None or was_m == now_m:
             return self
-        kept = float(np.exp(-np.hypot(now_m[0] - was_m[0], now_m[1] - was_m[1]) / ALIKE_M))
+        kept = float(
+            np.exp(-np.hypot(now_m[0] - was_m[0], now_m[1] - was_m[1]) / LOSS.correlation_m)
+        )
         return LossError(
-            mean=USUAL + kept * (self.mean - USUAL),
-            variance=SIGMA**2 + kept**2 * (self.variance - SIGMA**2),
+            mean=LOSS.mean + kept * (self.mean - LOSS.mean),
+            variance=LOSS.sigma**2 + kept**2 * (self.variance - LOSS.sigma**2),
             with_level_db=kept * self.with_level_db,
         )
 
@@ -89,6 +82,6 @@ class LossError:
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(
             self,
-            mean=np.clip(self.mean + with_pulse * moved, *_RANGE),
+            mean=np.clip(self.mean + with_pulse * moved, *LOSS.limits),
             variance=np.maximum(self.variance - with_pulse**2 * shrunk, 1e-6),
         )

@@ -6,20 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.localization.position.tuning import POWER
 from uavrt.terrain.hill_losses import HillLosses, LossesFrom
 
 _Floats = NDArray[np.floating[Any]]
-LOSS_ERROR = 0.25
-"""Standard deviation of a loss behind hills, as a share of it: heights of 30 m squares without
-trees, and one edge in place of a hill."""
-FACTORS = ((0.65, 1.0 / 6.0), (1.0, 2.0 / 3.0), (1.35, 1.0 / 6.0))
-"""Common factors on all losses of a flight, with probabilities (three nodes of Gauss and
-Hermite)."""
-_GRAZING_DB = 0.5
-_MAP_ERROR_DB = 2.0
-"""Effect of some metres of height error on a present loss."""
-ALIKE_M = 200.0
-"""Length of the drone's path over which that error is constant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,5 +45,5 @@ class OverHills:
 
 def along_error_db(lost_db: _Floats) -> float:
     """Standard deviation of the errors of losses (n,) along a path, common error excluded."""
-    hidden = float(np.mean(lost_db > _GRAZING_DB))
-    return float(np.hypot(LOSS_ERROR * np.std(lost_db), _MAP_ERROR_DB * hidden**0.5))
+    hidden = float(np.mean(lost_db > POWER.hidden_db))
+    return float(np.hypot(POWER.hill_error * np.std(lost_db), POWER.map_error_db * hidden**0.5))

@@ -27,16 +27,10 @@ from uavrt.localization.position.censored_power import (
     thinned,
 )
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.over_hills import ALIKE_M, OverHills, along_error_db
+from uavrt.localization.position.over_hills import OverHills, along_error_db
+from uavrt.localization.position.tuning import POWER
 
-REFERENCE_M = 100.0
-_TYPICAL_FADING_DB = 4.0
 _DB = 10.0 / np.log(10.0)
-_TOGETHER = 60_000
-"""Numbers computed at once, within the processor's cache."""
-_MOST_CORRELATION = 0.93
-_WIDEST_STEP = 0.3
-"""For few pulses, of the correlations' Fisher transforms."""
 
 _Floats = NDArray[np.float64]
 _Reals = NDArray[np.floating]
@@ -88,7 +82,7 @@ def fit_each(
     """Fit evidences that differ only in height, at once."""
     first = several[0]
     fits = []
-    together = max(1, _TOGETHER // len(first.used))
+    together = max(1, POWER.together // len(first.used))
     for start in range(0, len(east_m), together):
         part = slice(start, start + together)
         seen = first.seen_from(east_m[part], north_m[part], first.used)
@@ -173,7 +167,7 @@ class PowerEvidence:
         over = self.over_hills.chosen(np.flatnonzero(self._heard))
         lost_db = over.lost_db(east_m[top : top + 1], north_m[top : top + 1])[0]
         step_m = np.median(np.hypot(np.diff(self._east_m), np.diff(self._north_m)))
-        alike = float(np.clip(ALIKE_M / max(step_m, 1e-3), 1.0, len(residual)))
+        alike = float(np.clip(POWER.same_error_m / max(step_m, 1e-3), 1.0, len(residual)))
         by_hills = correlation_over_hills(residual, along_error_db(lost_db), alike)
         return max(lasting_correlation(residual), by_hills)
 
@@ -222,7 +216,7 @@ class PowerEvidence:
         height = np.maximum(np.abs(height), single(0.5))
         slant = ground + height * height
         log_slant = np.log(slant)
-        loss = single(-0.5 * _DB) * (log_slant - single(2.0 * np.log(REFERENCE_M)))
+        loss = single(-0.5 * _DB) * (log_slant - single(2.0 * np.log(POWER.reference_m)))
         if self._track.antenna is None or self._track.yaw_deg is None:
             # cos² of the elevation is ground / slant; the scatter floor is that of the pattern
             flat = seen.log_square - log_slant
@@ -247,8 +241,8 @@ def _correlations(count: int) -> _Floats:
     Their Fisher transforms (artanh) are 2.5 standard errors apart: sums over wider steps take
     the nearest correlation for the true one.
     """
-    step = min(_WIDEST_STEP, 2.5 / count**0.5)
-    return np.asarray(np.tanh(np.arange(0.0, np.arctanh(_MOST_CORRELATION), step)))
+    step = min(POWER.widest_step, 2.5 / count**0.5)
+    return np.asarray(np.tanh(np.arange(0.0, np.arctanh(POWER.most_correlation), step)))
 
 
 def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
@@ -271,7 +265,7 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     both = [dot(x1, x0), 0.5 * (dot(x1, z0) + dot(x0, z1)), dot(z1, z0)]
     exponent = prior.exponent ** np.arange(3)
     known = np.zeros((5, 1))
-    known[2:, 0] = (_TYPICAL_FADING_DB / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
+    known[2:, 0] = (POWER.typical_fading_db / max(prior.exponent_sigma, 1e-3)) ** 2 * exponent
     terms = np.stack(
         [
             whole + known,
@@ -289,7 +283,7 @@ def _fit_of_heard(x: _Reals, z: _Reals, prior: Propagation) -> PowerFit:
     exponent = (ones * xz - x_sum * z_sum) / determinant
     level = (z_sum - exponent * x_sum) / ones
     residual = np.maximum(zz - level * z_sum - exponent * xz, 1e-9) / white
-    score = -0.5 * (np.log(determinant) + count * np.log(residual + _TYPICAL_FADING_DB**2))
+    score = -0.5 * (np.log(determinant) + count * np.log(residual + POWER.typical_fading_db**2))
     score -= 0.5 * (count - 3) * np.log(white)
     top = score.max(axis=0)
     weight = np.exp(score - top)

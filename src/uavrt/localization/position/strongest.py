@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
 from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.tuning import POWER
 from uavrt.tangent_plane import TangentPlane, plane_around
-
-_IN_A_ROW = 6
-BAND_M = 10.0
-"""Height of a layer; thinner ones have too few pulses for a map."""
 
 _Floats = NDArray[np.float64]
 
@@ -92,9 +89,13 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
     """
     ordered = np.sort(height_m)
     bands: list[tuple[float, float]] = []
-    for level in np.split(ordered, np.flatnonzero(np.diff(ordered) > BAND_M / 2.0) + 1):
+    for level in np.split(ordered, np.flatnonzero(np.diff(ordered) > POWER.layer_m / 2.0) + 1):
         low, high = float(level[0]), float(level[-1])
-        layers = 1 if high - low <= 1.5 * BAND_M else int(np.ceil((high - low) / BAND_M))
+        layers = (
+            1
+            if high - low <= 1.5 * POWER.layer_m
+            else int(np.ceil((high - low) / POWER.layer_m))
+        )
         edges = np.linspace(low, high, layers + 1)
         # Up to, not with, the upper edge, but for the highest pulse of each level.
         edges[-1] = np.nextafter(high, np.inf)
@@ -144,7 +145,7 @@ def _edges(low: float, high: float, cells: int, least: float) -> _Floats:
 
 def smoothed(snr_db: _Floats) -> _Floats:
     """(n,) mean of six pulses in a row, fewer at the ends."""
-    window = np.ones(min(_IN_A_ROW, len(snr_db)))
+    window = np.ones(min(POWER.in_a_row, len(snr_db)))
     total = np.convolve(snr_db, window, mode="same")
     return np.asarray(total / np.convolve(np.ones(len(snr_db)), window, mode="same"))
 

@@ -14,25 +14,13 @@ from numpy.typing import NDArray
 from uavrt.columns import chosen_rows
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.censored_power import lasting_correlation
-from uavrt.localization.position.common_errors import WALKING_M_S, WALKING_SHARE
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack
+from uavrt.localization.position.tuning import COMMON, WALK
 from uavrt.localization.results import Caution
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
-
-_LEAST_SPAN_S = 60.0
-_LEAST_PULSES = 20
-_ROUGH_PULSES = 60
-"""Number of a survey's pulses for the coarse comparison."""
-_ROUGH_CELLS = 12
-_SPEEDS_M_S = (0.4, 0.9)
-_DIRECTIONS = 8
-_GATE_NATS = 2.0
-"""Evidence for walking in the coarse comparison that starts the fine one."""
-_FINE_CELLS, _FINE_VELOCITIES = 9, 5
-_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +105,7 @@ def survey_walk(
     if powers.time_s is None:
         return None
     heard = ~np.isnan(powers.snr_db)
-    if heard.sum() < _LEAST_PULSES or np.ptp(powers.time_s[heard]) < _LEAST_SPAN_S:
+    if heard.sum() < WALK.least_pulses or np.ptp(powers.time_s[heard]) < WALK.least_span_s:
         return None
     middle = 0.5 * float(powers.time_s.min() + powers.time_s.max())
     moved = _Moved(
@@ -127,22 +115,26 @@ def survey_walk(
         track=powers,
         propagation=propagation,
     ).of(heard)
-    rough = moved.every(max(1, int(heard.sum()) // _ROUGH_PULSES))
-    rest = _best(rough, [(0.0, 0.0)], around, _ROUGH_CELLS)
-    angles = np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS
-    rim = [(v * float(np.cos(a)), v * float(np.sin(a))) for v in _SPEEDS_M_S for a in angles]
-    walk = _best(rough, rim, around, _ROUGH_CELLS)
-    if walk.score < rest.score + _GATE_NATS:
+    rough = moved.every(max(1, int(heard.sum()) // WALK.rough_pulses))
+    rest = _best(rough, [(0.0, 0.0)], around, WALK.rough_cells)
+    angles = np.arange(WALK.directions) * 2.0 * np.pi / WALK.directions
+    rim = [
+        (v * float(np.cos(a)), v * float(np.sin(a))) for v in WALK.speeds_m_s for a in angles
+    ]
+    walk = _best(rough, rim, around, WALK.rough_cells)
+    if walk.score < rest.score + WALK.gate_nats:
         return None
     return _weighed(moved, around, rest, walk)
 
 
 def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWalk:
     """Integrate both over finer and finer grids, with all pulses."""
-    step = max(around.east_m - around.west_m, around.north_m - around.south_m) / _ROUGH_CELLS
+    step = (
+        max(around.east_m - around.west_m, around.north_m - around.south_m) / WALK.rough_cells
+    )
     rest = _closed_in(moved, rest, step, 0.0)
     walk = _closed_in(moved, walk, step, 0.3)
-    odds = np.log(WALKING_SHARE / (1.0 - WALKING_SHARE))
+    odds = np.log(COMMON.walking_share / (1.0 - COMMON.walking_share))
     odds += walk.log_evidence - rest.log_evidence
     best = walk if odds > 0.0 else rest
     return SurveyWalk(
@@ -155,20 +147,20 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
 
 def _closed_in(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
     """Evidence around a peak, on a grid as narrow as the peak."""
-    for _ in range(_ROUNDS):
-        half = (0.5 * _FINE_CELLS - 0.5) * step_m / 2.0
+    for _ in range(WALK.rounds):
+        half = (0.5 * WALK.fine_cells - 0.5) * step_m / 2.0
         around = Area(
             west_m=peak.place[0] - half,
             east_m=peak.place[0] + half,
             south_m=peak.place[1] - half,
             north_m=peak.place[1] + half,
         )
-        steps = np.arange(_FINE_VELOCITIES) - _FINE_VELOCITIES // 2
+        steps = np.arange(WALK.fine_velocities) - WALK.fine_velocities // 2
         off = steps * (step_m_s / 2.0) if step_m_s else np.zeros(1)
         velocities = [
             (float(peak.velocity[0] + x), float(peak.velocity[1] + y)) for x in off for y in off
         ]
-        peak = _best(moved, velocities, around, _FINE_CELLS, step_m_s / 2.0)
+        peak = _best(moved, velocities, around, WALK.fine_cells, step_m_s / 2.0)
         step_m, step_m_s = step_m / 2.0, step_m_s / 2.0
     return peak
 
@@ -189,11 +181,11 @@ def _best(
     squares = np.sum(np.array(velocities) ** 2, axis=1)
     walks = bool(np.any(squares > 0.0))
     if walks:
-        found = found - (0.5 * squares / WALKING_M_S**2)[:, None]
+        found = found - (0.5 * squares / COMMON.walking_m_s**2)[:, None]
     row, column = np.unravel_index(int(np.argmax(found)), found.shape)
     whole = float(np.logaddexp.reduce(found.ravel())) + np.log(cell_m2)
     if walks and step_m_s:
-        whole += np.log(step_m_s**2 / (2.0 * np.pi * WALKING_M_S**2))
+        whole += np.log(step_m_s**2 / (2.0 * np.pi * COMMON.walking_m_s**2))
     return _Peak(
         score=float(found[row, column]),
         velocity=velocities[int(row)],

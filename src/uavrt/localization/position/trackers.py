@@ -17,14 +17,13 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearing_evidence import BearingEvidence
 from uavrt.localization.position.level_belief import (
-    ANY_STRENGTH,
-    BY_CHANCE,
     Behind,
     LevelBelief,
     Listening,
     by_chance_density,
 )
 from uavrt.localization.position.loss_error import LossError
+from uavrt.localization.position.tuning import LEVEL, TRACK
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
@@ -35,17 +34,6 @@ PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
 Of ways east and north from the drone to the tag, and the drone's height above it.
 """
 
-_SETTLED_M = 0.02
-_STRAYS = 2.0
-"""Distance by which an animal leaves its area, in standard deviations of its walk."""
-_UNHEARD_NATS, _CALMS_NATS = 0.7, 0.1
-"""Largest effect of one unexplained pulse on the loss of track, and its decay with time."""
-_SWITCHING_PER_S = 0.005
-"""Rate of changes of motion: every three minutes or so."""
-_LOST_NATS = 12.0
-"""Log-probability deficit against chance at which hypotheses are renewed."""
-_PATHS = 4000
-"""Number of hypotheses whose paths are evaluated afterwards."""
 RESTING, BROWSING, TRAVELLING = range(3)
 
 
@@ -89,9 +77,9 @@ class TagPrior:
     exponent: float = 2.5
     exponent_sigma: float = 0.5
     """0: the exponent is known, as is the strength with a `level_sigma_db` of 0."""
-    missed_share: float = BY_CHANCE
+    missed_share: float = LEVEL.by_chance
     """Share of pulses missed at any strength."""
-    chance_share: float = BY_CHANCE
+    chance_share: float = LEVEL.by_chance
     """Share of pulses that are not the tag's: false alarms, interferers."""
     path_gain: PathGain | None = None
     """Level over plain spreading, where more is known of the ground."""
@@ -109,7 +97,7 @@ def _estimate(
         pull = weight / np.maximum(np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2), 1.0)
         whole = float(pull.sum())
         was, x, y = (x, y), float(pull @ east_m) / whole, float(pull @ north_m) / whole
-        if abs(x - was[0]) + abs(y - was[1]) < _SETTLED_M:
+        if abs(x - was[0]) + abs(y - was[1]) < TRACK.settled_m:
             break
     distance = np.sqrt((east_m - x) ** 2 + (north_m - y) ** 2)
     order = np.argsort(distance)
@@ -328,7 +316,9 @@ class _Walk:
                 speed[those] += turning * self.normal(len(those))
         self._since_s += step
         prior, area = self._prior, self._prior.area
-        strays = _STRAYS * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
+        strays = (
+            TRACK.strays_sigmas * prior.walking_m_per_root_s * float(np.sqrt(self._since_s))
+        )
         strays += 2.0 * prior.travelling_m_s * self._since_s
         _stay_about(state.east_m, area.west_m - strays, area.east_m + strays)
         _stay_about(state.north_m, area.south_m - strays, area.north_m + strays)
@@ -351,7 +341,7 @@ class _Walk:
         if max(self._prior.motion) >= sum(self._prior.motion):
             return
         count = len(state.mode)
-        chance = 1.0 - float(np.exp(-_SWITCHING_PER_S * step))
+        chance = 1.0 - float(np.exp(-TRACK.switching_per_s * step))
         those = self._rng.choice(count, self._rng.binomial(count, chance), False)
         mode = self._modes(len(those))
         velocity = self._velocities(mode)
@@ -505,9 +495,9 @@ class ParticleTracker:
             state.loss_error = level.error.columns()
         evidence = self._weigh(likelihood)
         if heard.snr_db is None:
-            self._wonder(min(-evidence, _UNHEARD_NATS) - _CALMS_NATS)
+            self._wonder(min(-evidence, TRACK.unheard_nats) - TRACK.decay_nats)
         else:
-            chance = max(prior.chance_share, BY_CHANCE) * by_chance_density(heard)
+            chance = max(prior.chance_share, LEVEL.by_chance) * by_chance_density(heard)
             by_others = chance + elsewhere
             self._wonder(float(np.log(by_others)) + chance / by_others - evidence)
         return Expectation(level_db=mean, variance_db2=variance, log_probability=evidence)
@@ -563,7 +553,7 @@ class ParticleTracker:
         east = self._state.east_m.astype(np.float64)
         north = self._state.north_m.astype(np.float64)
         gained = self._weigh(evidence.log_likelihood(east, north, 1.0))
-        self._wonder(float(np.log(BY_CHANCE * ANY_STRENGTH)) + 1.0 - gained)
+        self._wonder(float(np.log(LEVEL.by_chance * LEVEL.any_strength_per_db)) + 1.0 - gained)
         return gained
 
     def exponent(self) -> tuple[float, float]:
@@ -604,7 +594,7 @@ class ParticleTracker:
         of the filter; Kitagawa 1996, J. Comput. Graph. Stat. 5, 1-25). None for a time before
         which all hypotheses were replaced.
         """
-        kept = _comb(self._weight, (np.arange(_PATHS) + 0.5) / _PATHS)
+        kept = _comb(self._weight, (np.arange(TRACK.paths) + 0.5) / TRACK.paths)
         return self._past.trail(self._state, kept)
 
     def spread(self) -> Spread:
@@ -657,7 +647,7 @@ class ParticleTracker:
         Renew them when it is too large, else resample them where few hold most of the weight.
         """
         self._surprise = max(0.0, self._surprise + nats)
-        if self._surprise > _LOST_NATS:
+        if self._surprise > TRACK.lost_nats:
             self._renew()
         else:
             self._spread_out()
