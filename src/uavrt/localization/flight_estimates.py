@@ -1,6 +1,7 @@
-"""The one estimator: turns, bearings, strengths and positions from pulses and poses.
+"""Estimate turns, bearings, strengths and positions of a flight, from its pulses and poses.
 
-Drone, page, report, batch and command line all call it, so that they agree on a flight.
+Drone, page, report, batch and command line all call this module, so that they agree on a
+flight.
 """
 
 import math
@@ -37,7 +38,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 NO_TIME = -1
 """Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Margin before and after a turn whose pulses belong to it: same place, first heading."""
+"""Time before and after a turn within which pulses belong to it [ns]; the drone is still
+there."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -52,99 +54,100 @@ class ReadAs:
     """Settings for reading a flight or log."""
 
     antenna: AntennaPattern | str | None = None
-    """Pattern, or its name; None: the flight's own."""
+    """Antenna pattern, or its name; None is that of the flight."""
     offset_deg: float = 0.0
-    """Boresight clockwise from the heading that the pulses carry."""
+    """Direction of the boresight, clockwise from the heading stored with the pulses [deg]."""
     height_m: float | None = None
-    """With a monopole: height over the tags, where the poses have none."""
+    """Height over the tags where the poses have none, for a monopole [m]."""
     heading_sigma_deg: float = COMMON.heading_sigma_deg
-    """Error that all headings of a flight share, one standard deviation."""
+    """Standard deviation of the error that all headings of a flight share [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
-    """With a monopole: error that all heights over a tag share, one standard deviation."""
+    """Standard deviation of the error that all heights over a tag share, for a monopole [m]."""
     elevation: Elevation | None = None
-    """Heights of the ground, for losses behind hills; None assumes level ground."""
+    """Elevation files for losses behind hills; None assumes level ground."""
     bearing_method: BearingMethod | str = "pattern_ml"
     method: PositionMethod | str = "bayes"
     learn: bool = True
-    """Correct the pattern by whole turns (``pattern_ml``)."""
+    """True to correct the antenna's pattern by whole turns (``pattern_ml``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagBearing:
-    """A bearing to a tag, with place and time."""
+    """Bearing to a tag, with place and time."""
 
     tag_id: int
     bearing: Bearing
     latitude_deg: float
-    """Median over the pulses, as are the other two."""
+    """Median over the pulses; longitude and altitude are medians, too."""
     longitude_deg: float
     altitude_amsl_m: float
     start_time_ns: int
-    """Not after the first pulse."""
+    """Time at or before the start of the first pulse [ns]."""
     middle_time_ns: int
-    """Between the first pulse and the last: the time for a moving tag."""
+    """Middle between the first and the last pulse [ns]; the bearing's time for a moving tag."""
     end_time_ns: int
-    """Not before the last pulse began."""
+    """Time at or after the start of the last pulse [ns]."""
     heard: int = 0
     turn: Turn | None = None
-    """None where the turn is unknown."""
+    """Turn that the bearing was estimated from; None is unknown."""
     number: int = 0
     """Number of the turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Number of the flight or log that were read together, from 0; in a position, of the
-    receiver."""
+    """Number of the flight or log among those read together, from 0; in a position, the
+    receiver's number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagPosition:
-    """A position of a tag, or the reason why there is none."""
+    """Estimated position of a tag, or the reason why there is none."""
 
     tag_id: int
     position: Position | None
     reason: str | None = None
     frequency_hz: float | None = None
-    """Median of the pulses, where logs with pulses were read."""
+    """Median frequency of the tag's pulses [Hz], where logs with pulses were read."""
     name: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """One receiver's results, for its own positions and those of others."""
+    """Bearings and strengths by one receiver, for its own positions and those of others."""
 
     bearings: Sequence[TagBearing] = ()
-    """In order of time and tag."""
+    """Bearings in order of time and tag."""
     strengths: Mapping[int, Strengths] = field(default_factory=dict)
-    """Strengths of tags that were heard and have no bearing."""
+    """Strengths of received tags without a bearing, by tag."""
     heard: frozenset[int] = frozenset()
-    """Tags with at least one pulse."""
+    """Numbers of tags with at least one pulse."""
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
-    """Frequencies of tags heard or listed: a number may mean another animal elsewhere."""
+    """Frequencies of received or listed tags [Hz], by tag; one number may mean different
+    animals."""
     pattern: AntennaPattern | None = None
-    """The antenna's pattern as corrected by the turns; None without a turn."""
+    """Antenna's pattern as corrected by the turns; None without a turn."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Bearings of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
     def knows(self, tag_id: int) -> bool:
-        """True if it has a bearing or strengths of a tag."""
+        """True if there is a bearing or a strength of a tag."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimated:
-    """All estimates of a flight."""
+    """All bearings and positions of a flight."""
 
     found: Found
     positions: tuple[TagPosition, ...]
     tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
-    """Tracks that positions by strength are based on."""
+    """Pulse powers along the flight that positions by strength were estimated from, by tag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeardInTurn:
-    """One tag's pulses in one turn."""
+    """Pulses of one tag during one turn."""
 
     tag_id: int
     turn: Turn
@@ -152,7 +155,7 @@ class HeardInTurn:
     """Number of the turn in the flight, from 0."""
     pulses: PulseColumns
     missed_yaw_deg: _Floats
-    """(m,) headings at expected pulses that were not heard."""
+    """(m,) headings of the antenna at expected pulses that were not received [deg]."""
 
     @property
     def whole(self) -> bool:
@@ -166,14 +169,14 @@ class HeardInTurn:
 
     @property
     def subject(self) -> tuple[int, int]:
-        """Tag and turn; the turn by its first pulse, which stays the same as the turn grows."""
+        """Key of tag and turn in the cache; it stays the same while the turn grows."""
         return self.tag_id, int(self.pulses.time_ns[0])
 
 
 def turns_in(
     poses: PoseColumns, *, least_turn_deg: float = FLIGHT.whole_turn_deg
 ) -> list[Turn]:
-    """Turns of a flight, including one in progress."""
+    """Find the turns of a flight, including one in progress."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
         return []  # what flew before is not among these poses any more
     every = find_turns(
@@ -197,8 +200,8 @@ def turns_in(
 def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
     """Pulses of each tag in each turn in place, in order of time and tag.
 
-    Three pulses at least. The antenna is turned by an offset clockwise from the heading that
-    the pulses carry.
+    At least three pulses are needed. The antenna is turned by an offset clockwise from the
+    heading stored with the pulses.
     """
     pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
@@ -250,9 +253,10 @@ def _missed_yaws_deg(
     turn: Turn,
     rhythm: Rhythm | None,
 ) -> _Floats:
-    """Headings of the antenna at expected pulses of a turn that were not heard.
+    """Headings of the antenna at expected pulses of a turn that were not received [deg].
 
-    The heading is the vehicle's, plus the antenna's offset from it at the nearest heard pulses.
+    Each is the vehicle's heading, plus the antenna's offset from it at the nearest received
+    pulses.
     """
     times = pulses.missed_ns(rhythm)
     inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
@@ -306,7 +310,7 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
 
 
 def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
-    """Turns that a pattern is learnt from: whole ones with many pulses."""
+    """Turns from which the antenna's pattern is learned: complete ones with many pulses."""
     whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
     return whole[: FLIGHT.most_turns]
 
@@ -314,7 +318,7 @@ def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
 def antenna_as_shown(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
-    """Correct a pattern by whole turns; unchanged where they are too few."""
+    """Pattern of the antenna corrected by whole turns; unchanged where they are too few."""
     whole = teaching(heard)
     pattern = pattern_named(antenna)
     if len(whole) < FLIGHT.least_turns:
@@ -337,7 +341,7 @@ def antenna_as_shown(
 
 
 def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
-    """The requested antenna, else the one that it was heard with."""
+    """Pattern of the requested antenna, else of the one that received the pulses."""
     return heard.antenna if how.antenna is None else how.antenna
 
 
@@ -348,7 +352,7 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """The antenna's pattern as learnt from the turns of a flight, and `past` ones.
+    """Antenna's pattern learned from the turns of this flight and of earlier ones, `past`.
 
     A turn in progress is left out: each of its pulses would change all bearings.
     """
@@ -370,7 +374,7 @@ def bearings_of(
 ) -> list[TagBearing]:
     """One bearing for each tag and each turn in place, in order of time and tag.
 
-    Pulses that are expected by a known interval, and were not heard, count as misses.
+    Pulses that a known interval predicts and that were not received count as misses.
 
     `past`: turns of other flights, for learning the pattern.
     `cache`: for repeated calls.
@@ -396,7 +400,7 @@ def _bearings(
 def _tag_bearing(
     one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
 ) -> TagBearing | None:
-    """Bearing from all pulses, or the last one where the cache defers its update."""
+    """Bearing of a tag in a turn, or the previous one while the cache defers its update."""
     made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
     known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
     return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
@@ -409,10 +413,10 @@ def find(
     theirs: Sequence[TagBearing] = (),
     cache: Cache | None = None,
 ) -> Found:
-    """Bearings, and strengths of tags without one.
+    """Bearings of a receiver, and strengths of tags without one.
 
     A bearing of `theirs`, from the drone, replaces ours when it used more pulses of its turn.
-    See `bearings_of`.
+    The other parameters are those of `bearings_of`.
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
@@ -459,7 +463,7 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
 
 
 def _turns(pulses: PulseColumns) -> bool:
-    """True if a bearing without a clear direction is of a turn, not of one heading."""
+    """True if a bearing without a clear direction is from a turn, not from one heading."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
     return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
 
@@ -500,15 +504,15 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    `past`: turns of past flights, for learning the antenna's pattern.
+    `past`: turns of earlier flights, for learning the antenna's pattern.
     `theirs`: bearings estimated on the drone.
     `others`: results of other receivers, used in positions where a number means a tag of the
-    same frequency.
+        same frequency.
     `cache`: for repeated calls: unchanged results are kept.
     `at_once`: most new ``"bearing"``, ``"position"`` and ``"survey"`` results; see
-    `Cache.begin`.
+        `Cache.begin`.
     Raises `UsageError`: a method or the antenna is unknown, or the method cannot use the
-    pulses.
+        pulses.
     """
     how, cache = how or ReadAs(), cache or Cache()
     cache.begin(at_once)
@@ -541,7 +545,7 @@ def estimate(
 
 
 def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
-    """The ground; cached losses remain while the take-off stays the same."""
+    """Ground model of a flight; cached losses remain while the take-off stays the same."""
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
@@ -551,7 +555,7 @@ def place(
     over: OverGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """One position for each tag with bearings, or heard by the first receiver.
+    """Estimate one position for each tag with bearings, or received by the first receiver.
 
     Bearings without a direction are left out; strengths of receivers that did not turn are
     used.
@@ -567,7 +571,7 @@ def place(
 
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
-    """Receivers for which the number is the same tag as for the first with its frequency."""
+    """Receivers for which a tag number means the same animal, by its frequency."""
     knows = [*found[:1], *(each for each in found[1:] if each.knows(tag_id))]
     hz = [each.frequencies_hz[tag_id] for each in knows if tag_id in each.frequencies_hz]
     if not hz:
@@ -605,7 +609,7 @@ def _placed(
 def _stations(
     bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
 ) -> Stations:
-    """Put a tag's bearings, in order of time, into columns; raises `UsageError` without any."""
+    """Put a tag's bearings into columns, in order of time; raises `UsageError` without any."""
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
         raise UsageError(
@@ -632,10 +636,10 @@ def _position_of(
     heading_sigma_deg: float,
     hills: HillLosses | None,
 ) -> TagPosition:
-    """Estimate a tag's position; if its bearings contradict a fixed place, also its path.
+    """Estimate a tag's position, and its path if its bearings contradict a fixed place.
 
-    With the ground, levels are corrected for hills. Strengths of receivers that never turned
-    are used by the method ``bayes``; the position states the use of each.
+    With a ground model, levels are corrected for hills. The method ``bayes`` also uses
+    strengths of receivers that never turned; the position states the use of each.
     """
     try:
         found = estimate_position(
@@ -704,9 +708,9 @@ def _surveyed(
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
     """Collect a tag's pulses along the flight, missed ones of a listed tag included.
 
-    `height_m`: over the tag, where the poses have no height above the start.
-    Raises `UsageError`: fewer than three pulses were heard at a known place, or no height is
-    known.
+    `height_m`: height over the tag, where the poses have no height above the start.
+    Raises `UsageError`: fewer than three pulses were received at a known place, or no height is
+        known.
     """
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
@@ -746,7 +750,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
 
 
 def stands(heard: Heard) -> bool:
-    """True if all was heard at one place, which makes no survey by strength."""
+    """True if all pulses were received at one place, which gives no survey by strength."""
     own = heard.pulses.values()
     if not own:
         return False

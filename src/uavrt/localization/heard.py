@@ -1,4 +1,4 @@
-"""Columns of pulses and poses: input of the estimates, from a flight, a log or live data."""
+"""Pulses and poses of a flight, a log or live data in columns: the input of the estimates."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,20 +22,20 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PoseColumns:
-    """Places of the vehicle, in order of time."""
+    """Positions and attitudes of the vehicle, in order of time."""
 
     time_ns: NDArray[np.int64]
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) above the take-off; NaN where unknown."""
+    """(n,) height above the take-off [m]; NaN where unknown."""
     quaternion_wxyz: _Floats
     altitude_amsl_m: _Floats | None = None
-    """(n,) above sea level, NaN where unknown; separates flight from ground where `height_m` is
-    unknown."""
+    """(n,) altitude above sea level [m], NaN where unknown. It separates flight from ground
+    where `height_m` is unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times that the autopilot reports as on the ground; empty without
-    reports."""
+    """First and last times between which the autopilot reports the vehicle on the ground
+    [ns]."""
 
     @classmethod
     def of(
@@ -55,7 +55,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add other poses, such as the pulses' own, at times without poses here.
+        """Add other poses, such as those stored with pulses, at times without poses.
 
         This covers times of a failed telemetry link. Both may be out of order; the result has
         one pose for each time.
@@ -73,20 +73,20 @@ class PoseColumns:
 
     @property
     def amsl_m(self) -> _Floats:
-        """(n,) altitudes; NaN where unknown."""
+        """(n,) altitudes above sea level [m]; NaN where unknown."""
         nowhere = np.full(len(self.time_ns), np.nan)
         return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights to separate flight from ground: above the take-off, else the lowest."""
+        """(n,) heights that separate flight from ground [m]: above take-off or lowest pose."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
         return np.asarray(amsl - np.nanmin(amsl))
 
     def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
-        """Heights above the take-off at some times; 0 where none is known."""
+        """Heights above the take-off at given times [m]; 0 where none is known."""
         known, wanted_ns = np.isfinite(self.height_m), np.asarray(time_ns, np.float64)
         if not known.any():
             return np.zeros(len(wanted_ns))
@@ -95,7 +95,7 @@ class PoseColumns:
 
     @property
     def on_ground(self) -> NDArray[np.bool_]:
-        """(n,) True where the autopilot reports to be on the ground."""
+        """(n,) True where the autopilot reports the vehicle on the ground."""
         found = np.zeros(len(self.time_ns), bool)
         for first, last in self.on_ground_ns:
             found |= (self.time_ns >= first) & (self.time_ns <= last)
@@ -103,7 +103,7 @@ class PoseColumns:
 
     @property
     def leaves_ground(self) -> bool:
-        """True if it was partly flown and partly not, by heights or autopilot."""
+        """True if heights or autopilot show both flight and ground."""
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
         climbed = len(flown) > 0 and float(np.ptp(flown)) >= TURNS.climb_m
@@ -111,7 +111,7 @@ class PoseColumns:
 
     @property
     def yaw_deg(self) -> _Floats:
-        """(n,) headings."""
+        """(n,) headings of the vehicle, clockwise from true north [deg]."""
         return Headings.from_quaternions(self.quaternion_wxyz).yaw_deg
 
 
@@ -123,21 +123,21 @@ class PulseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) of the antenna above the take-off; NaN where unknown."""
+    """(n,) height of the antenna above the take-off [m]; NaN where unknown."""
     quaternion_wxyz: _Floats
-    """(n, 4) of the antenna."""
+    """(n, 4) attitude of the antenna."""
     snr_db: _Floats
     noise_psd: _Floats
-    """(n,) NaN where unknown."""
+    """(n,) noise density at each pulse; NaN where unknown."""
     frequency_hz: _Floats
     rate: NDArray[np.int64]
-    """(n,) number of the tag's interval, from 1."""
+    """(n,) number of the tag's interval in use, from 1."""
     altitude_amsl_m: _Floats
-    """(n,) of the antenna above sea level; NaN where unknown."""
+    """(n,) altitude of the antenna above sea level [m]; NaN where unknown."""
 
     @classmethod
     def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
-        """Put pulses into columns in their order; those without a pose are left out."""
+        """Put pulses into columns in their order, without those that have no pose."""
         posed = [(one.pulse, one.pose) for one in pulse_poses if one.pose is not None]
         poses = [pose for _, pose in posed]
         return cls(
@@ -154,11 +154,11 @@ class PulseColumns:
         )
 
     def chosen(self, which: NDArray[np.intp] | slice) -> "PulseColumns":
-        """Some of the pulses."""
+        """Return the pulses selected by an index array or a mask."""
         return chosen_rows(self, which)
 
     def and_those(self, others: "PulseColumns") -> "PulseColumns":
-        """These and others, in order of time."""
+        """Merge with other pulses, in order of time."""
         both = joined_rows([self, others])
         return both.chosen(np.argsort(both.time_ns, kind="stable"))
 
@@ -175,10 +175,10 @@ class PulseColumns:
         )
 
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
-        """Times of expected pulses between two heard ones that were not heard.
+        """Times of expected pulses that were not received [ns].
 
-        They are computed between two pulses whose distance is a multiple of the tag's interval.
-        A gap with more than `FLIGHT.most_missed` of them is a jump of a clock.
+        They lie between two pulses whose distance is a multiple of the tag's interval. A gap
+        with more than a day's pulses is a jump of a clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -196,7 +196,7 @@ class PulseColumns:
         return np.asarray(self.time_ns[gap] + gap_ns[gap] * number / count[gap])
 
     def turned(self, offset_deg: float) -> "PulseColumns":
-        """The same with the antenna turned clockwise about its own down axis."""
+        """Pulses with the antenna turned clockwise about its own down axis."""
         if offset_deg == 0.0:
             return self
         w, x, y, z = self.quaternion_wxyz.T
@@ -207,7 +207,7 @@ class PulseColumns:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OverGround:
-    """A flight over known ground."""
+    """A flight's ground model, and the heights of the flight above it."""
 
     hills: HillLosses
     poses: PoseColumns
@@ -221,9 +221,9 @@ class OverGround:
     ) -> "OverGround | None":
         """Ground model around a flight; None where no pose has a place and a height.
 
-        Heights of a flight count from its take-off, assumed beneath the first pose. A caller
-        can cache the ground by a `lay` that returns that of the last call.
-        Raises `FormatError`: a file of heights is damaged.
+        Heights of a flight count from its take-off, assumed beneath the first pose. `lay` may
+        return the ground of an earlier call.
+        Raises `FormatError`: an elevation file is damaged.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
@@ -245,20 +245,20 @@ class OverGround:
         return cls(hills=hills.noting(*said), poses=poses)
 
     def noting(self, *limitations: str) -> "OverGround":
-        """The same with more limitations."""
+        """Copy with further limitations for the operator."""
         return replace(self, hills=self.hills.noting(*limitations))
 
     def at(self, frequency_hz: float) -> "OverGround":
-        """The same for a tag at this frequency."""
+        """Losses behind hills for a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
     def heights_m(self, time_ns: Sequence[int]) -> _Floats:
-        """Heights above the take-off at some times."""
+        """Heights above the take-off at given times [m]."""
         return self.poses.heights_m(time_ns)
 
 
 def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """Remark where elevation files and flight disagree on the take-off's height."""
+    """Warn if elevation files and flight disagree on the height of the take-off."""
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
     ):  # so, too, where one of them is not known
@@ -272,14 +272,14 @@ def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rhythm:
-    """A tag's expected pulse times."""
+    """Expected times of a tag's pulses."""
 
     intervals_s: tuple[float, ...]
     uncertainty_s: float
 
     @classmethod
     def of(cls, tag: Tag) -> "Rhythm":
-        """Expected pulse times of a listed tag."""
+        """Expected pulse times of a tag from its entry in the tag list."""
         return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
 
 
@@ -299,17 +299,17 @@ class Heard:
 
     pulses: Mapping[int, PulseColumns]
     poses: PoseColumns
-    """Poses of the vehicle, and the pulses' own in gaps; `FLIGHT.pose_step_ns` apart."""
+    """Poses of the vehicle, thinned out; where they are missing, those stored with pulses."""
     tags: tuple[Tag, ...] = ()
-    """Listed tags; empty for a log."""
+    """Entries of the tag list; empty for a log."""
     antenna: str = "RA-23K"
-    """Name of the receiving antenna's pattern, unless `ReadAs` names another."""
+    """Name of the receiving antenna's pattern, used unless `ReadAs` gives another."""
     name: str = "this vehicle"
     """Name of the receiver, for the operator."""
     one_turn: bool = False
-    """A log at one place, without a climb, counts as one turn, as in the original."""
+    """True if a log at one place without a climb counts as one turn, as in the original."""
     goes_on: bool = False
-    """True while data may still arrive: a turn is used for the pattern when it is complete."""
+    """True while data may still arrive; only complete turns then correct the pattern."""
 
     @classmethod
     def of(
@@ -323,9 +323,9 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Sort pulses by tag and time; those without a place or a power are left out.
+        """Sort pulses by tag and time, without those that have no place or power.
 
-        Times are kept to 256 ns, as columns of floating-point numbers hold them.
+        Times are rounded to 256 ns, as columns of floating-point numbers hold them.
 
         `tag_id` (n,): tag of each pulse.
         `pulses`: in any order.
@@ -369,7 +369,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Read records; poses None for a log of pulses alone.
+        """Convert records of pulses and poses; `poses` is None for a log of pulses alone.
 
         Raises `UsageError`: no pulse has a pose.
         """
@@ -394,7 +394,7 @@ class Heard:
         return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
 
     def renamed(self, keys: Mapping[int, int]) -> "Heard":
-        """The same with other tag numbers."""
+        """Copy with other tag numbers."""
         return replace(
             self,
             pulses={keys.get(tag_id, tag_id): own for tag_id, own in self.pulses.items()},
@@ -404,7 +404,7 @@ class Heard:
         )
 
     def and_those(self, other: "Heard") -> "Heard":
-        """Pulses and poses of both, as of one flight."""
+        """Merge with the pulses and poses of another receiver, as of one flight."""
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
             pulses[tag_id] = pulses[tag_id].and_those(own) if tag_id in pulses else own
@@ -419,7 +419,7 @@ class Heard:
 
     @property
     def frequencies_hz(self) -> dict[int, float]:
-        """Median frequency of each tag's pulses; for a tag without pulses, the listed one."""
+        """Median frequency of each tag's pulses [Hz]; without pulses, the listed one."""
         found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
         for tag_id, own in self.pulses.items():
             known_hz = own.frequency_hz[own.frequency_hz >= FLIGHT.least_tag_hz]
@@ -430,7 +430,7 @@ class Heard:
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
     ) -> OverGround | None:
-        """Ground under the flight, for the pulses' median frequency; raises `FormatError`."""
+        """Ground model under the flight, for the median frequency; raises `FormatError`."""
         over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)

@@ -1,4 +1,4 @@
-"""Levels at a receiver's standing places, from its pulses outside of turns."""
+"""Levels of tags at places where a receiver did not turn, from its pulses outside of turns."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -29,10 +29,11 @@ def strengths_of(
 
     `listener`: name of the receiver, for the operator.
     `pulses`: of one tag, in order of time.
-    `height_m` (n,): of the vehicle above the take-off at each pulse.
+    `height_m` (n,): height of the vehicle above the take-off at each pulse.
     `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are left out.
-    `antenna`: the pattern; a monopole's name for an upright monopole.
-    `rhythm`: with it, expected pulses that were not heard count as weaker than those that were.
+    `antenna`: the pattern, or the monopole's name.
+    `rhythm`: expected pulse times; pulses missed at those count as weaker than the received
+        ones.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)
@@ -63,7 +64,7 @@ def strengths_of(
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Mask of pulses not heard on the ground, as the autopilot reports; all for a mast."""
+    """True for pulses that the autopilot does not report on the ground, and for a mast's."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -73,7 +74,7 @@ def _off_ground(
 def _standing(
     pulses: PulseColumns, yaw_deg: _Floats, chosen: NDArray[np.intp], *, one_heading: bool
 ) -> list[NDArray[np.intp]]:
-    """Cut pulses where place or heading leave those of the first one since the last cut."""
+    """Cut pulses into parts with one place and one heading."""
     if not len(chosen):
         return []
     plane = plane_around(pulses.latitude_deg, pulses.longitude_deg)
@@ -89,7 +90,7 @@ def _standing(
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """Number of pulses that a tag sent during these; equal for an unknown interval."""
+    """Number of pulses that a tag sent from the first to the last of some received pulses."""
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND
@@ -111,7 +112,7 @@ def _levels(
     why: str | None,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Median level of each part; missed pulses count as its weakest."""
+    """Median level of each part [dB]; a missed pulse counts as weak as the part's weakest."""
 
     def medians(values: _Floats) -> _Floats:
         return np.array([float(np.median(values[part])) for part in parts], np.float64)

@@ -1,8 +1,8 @@
 """Bearings of turns in progress, from pulses and poses as they arrive.
 
-The one estimator is called again for each new pulse of a turn: from the third pulse on, with a
+The flight's estimator runs again for each new pulse of a turn, from the third pulse, with a
 wide interval while little of the turn is done. The ground station does the same with received
-data; this stage runs on the drone when its table has the `estimator`.
+data. This stage runs on the drone when its process table has the `estimator`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,10 +22,10 @@ from uavrt.on_ground import GroundStates
 
 
 class LiveBearings:
-    """Converts poses and pulses into the bearings that have changed.
+    """Convert poses and pulses into the bearings that have changed.
 
     `antenna`: the pattern, or its name; corrected by whole turns.
-    `tags`: listed tags: their expected pulses that were not heard count as misses.
+    `tags`: listed tags; their missed pulses are used, too.
     Raises `UsageError`: there is no such antenna.
     """
 
@@ -67,7 +67,7 @@ class LiveBearings:
     def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
         """Add the autopilot's arming and landing state; 0 is no, None unknown.
 
-        Rotations on the ground are no turns, whatever the barometer shows.
+        Rotations on the ground are not turns, whatever the barometer reports.
         """
         self._states.add(time_ns, armed, landed)
 
@@ -77,7 +77,7 @@ class LiveBearings:
             self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Estimate changed bearings since the last call; some milliseconds for each.
+        """Bearings that changed since the last call; some milliseconds for each.
 
         A bearing changes by new pulses or misses in its turn. All change when a finished turn
         corrects the antenna's pattern.
@@ -121,7 +121,7 @@ def _live(one: TagBearing, turn: Turn) -> LiveBearing:
 
 
 def bearing_from_drone(one: LiveBearing) -> TagBearing:
-    """Convert a drone's message to a bearing; its posterior is assumed von Mises."""
+    """Convert a drone's bearing message; its posterior is assumed to be von Mises."""
     return TagBearing(
         tag_id=one.tag_id,
         bearing=Bearing(

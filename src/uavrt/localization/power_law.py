@@ -1,9 +1,9 @@
 """Probability of a measured pulse power, given the power that reached the receiver.
 
-The measured power is the matched filter's output over the noise power, mean S + 1 for a pulse
-of energy S over the noise density. Without fading it has a noncentral chi-square law with two
-degrees of freedom for each pulse summed; fading in decibel is convolved on a grid of levels.
-Gauss–Hermite quadrature in its place is wrong at high SNR: nine nodes at 4 dB fading gave
+The measured power is the matched filter's output over the noise power, with mean S + 1 for a
+pulse of energy S over the noise density. Without fading it has a noncentral chi-square law with
+two degrees of freedom for each pulse summed. Normal fading in decibels is convolved on a grid
+of levels. Gauss–Hermite quadrature is no substitute at high SNR: nine nodes at 4 dB fading gave
 intervals of 13 % coverage instead of 90 %.
 """
 
@@ -21,7 +21,7 @@ class PowerTables:
     """Log-likelihood of each pulse on a grid of expected levels, for each fading."""
 
     log_likelihood: NDArray[np.float32]
-    """(pulses, levels, fadings)."""
+    """(pulses, levels, fadings) natural logarithms."""
     fadings_db: tuple[float, ...]
     lowest_db: float
     highest_db: float
@@ -30,11 +30,10 @@ class PowerTables:
 def _faded(
     likelihood: NDArray[np.float64], fadings_db: tuple[float, ...]
 ) -> NDArray[np.float64]:
-    """(pulses, levels) to (pulses, fadings, levels): normal fading convolved in.
+    """Convolve likelihoods (pulses, levels) with normal fading: (pulses, fadings, levels).
 
-    By transform and not as a matrix product, which NumPy spreads over all cores: 2 ms of one
-    core became 18 ms of several on a busy computer. A level beyond the grid counts as the last
-    one. Rounding is 1e-16 of a row's best, far below the outliers' share.
+    Fourier transforms run on one core; NumPy spreads a matrix product over all, which took 18
+    ms instead of 2 ms on a busy computer. A level beyond the grid counts as the last one.
     """
     margin = round(4.0 * max(fadings_db) / POWER_LAW.level_step_db)
     padded = np.pad(likelihood, ((0, 0), (margin, margin)), mode="edge")
@@ -55,12 +54,12 @@ def power_tables(
     fadings_db: tuple[float, ...] = POWER_LAW.fadings_db,
     spread_db: float = 40.0,
 ) -> PowerTables:
-    """Tabulate log p(power | level) of the heard pulses, then of the missed ones.
+    """Tabulate log p(power given level), first of the received pulses, then of the missed ones.
 
     `matched_power` (n,): mean power of the pulses at their known time, over the noise power;
     noise included.
     `missed_below` (m,): upper limit of each missed pulse's power.
-    `folds`: pulses summed for each value.
+    `folds`: number of pulses summed in each value.
     `fadings_db`: standard deviations of the fading, one table each.
     `spread_db`: largest ratio of the antenna's gain, front to back.
     Returns: n + m rows. Each law includes a share of outliers that is independent of the level.
@@ -93,7 +92,7 @@ def power_tables(
 def _log_density(
     power: NDArray[np.float64], level_db: NDArray[np.float64], folds: int
 ) -> NDArray[np.float64]:
-    """(pulses, levels) log of the noncentral chi-square density, without fading."""
+    """(pulses, levels) logarithm of the noncentral chi-square density, without fading."""
     y = np.maximum(power, 1e-9)[:, None]
     s = 10.0 ** (level_db / 10.0)[None, :]
     root = 2.0 * folds * np.sqrt(y * s)
@@ -111,7 +110,7 @@ def _log_density(
 def _log_missed(
     thresholds: NDArray[np.float64], level_db: NDArray[np.float64], folds: int
 ) -> NDArray[np.float64]:
-    """(thresholds, levels) log-probability that a pulse stays below its threshold."""
+    """(thresholds, levels) log-probability that a pulse remains below its threshold."""
     y = thresholds[:, None]
     s = 10.0 ** (level_db / 10.0)[None, :]
     # Beyond ten times the threshold the probability is under 1e-5 for the lowest thresholds

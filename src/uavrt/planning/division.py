@@ -14,7 +14,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Start of a drone's round: place and time."""
+    """Place and time at which a drone begins its round."""
 
     east_m: float
     north_m: float
@@ -33,9 +33,11 @@ def divided(
     """Rounds of the drones, as indices of tags in their order.
 
     Each tag in turn goes to the drone that would finish it first (list scheduling); then single
-    tags move to other rounds while that shortens the longest round or the total. `east_m`,
-    `north_m` (tags,): positions. `stay_s`: time at each tag. `owners`: previous drone of each
-    tag: another takes it only if the saved time is worth the change.
+    tags move to other rounds while that shortens the longest round or the total.
+
+    `east_m`, `north_m` (tags,): positions.
+    `stay_s`: time at each tag.
+    `owners`: previous drone of each tag; another takes it only if that saves enough time.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]
@@ -75,7 +77,7 @@ class _Rounds:
         self._after = [one.after_s for one in starts]
 
     def time_s(self, drone: int, tour: Sequence[int]) -> float:
-        """Time at which a round ends."""
+        """Time at which a drone ends a round [s]."""
         if not tour:
             return 0.0
         legs = (self._between[a][b] for a, b in pairwise(tour))
@@ -84,7 +86,7 @@ class _Rounds:
         return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to its cheapest place; False if it stays."""
+        """Move a tag to its cheapest place in all rounds; False if it does not move."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

@@ -12,22 +12,22 @@ from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergyModel:
-    """Power of a drone, with a scale factor learnt from its battery.
+    """Power of a drone, with a scale factor learned from its battery.
 
     Power at an airspeed v is that of hovering, less up to `translation_share` once the rotors
-    meet fresh air, plus a drag that grows with v³ and gives `cruise_w` at `cruise_m_s`. All is
-    multiplied by the scale.
+    meet fresh air, plus a drag that grows with v³ and gives `cruise_w` at `cruise_m_s`. The
+    scale multiplies all.
     """
 
     hover_w: float = 400.0
     cruise_w: float = 420.0
     cruise_m_s: float = 10.0
     climb_j_per_m: float = 60.0
-    """Additional energy per metre of climb."""
+    """Additional energy for each metre of climb [J]."""
     scale: float = 1.0
     """Ratio of used to modelled power: payload, air, age of the battery."""
     scale_sigma: float = 0.2
-    """Standard deviation of that ratio."""
+    """Standard deviation of the ratio of used to modelled power."""
 
     def __post_init__(self) -> None:
         if min(self.hover_w, self.cruise_w, self.cruise_m_s) <= 0.0 or self.climb_j_per_m < 0:
@@ -37,7 +37,7 @@ class EnergyModel:
             )
 
     def power_w(self, airspeed_m_s: float) -> float:
-        """Power in level flight."""
+        """Power in level flight [W]."""
         share = airspeed_m_s / self.cruise_m_s
         relieved = 0.1 * self.hover_w * (1.0 - np.exp(-2.0 * share))
         at_cruise = 0.1 * self.hover_w * (1.0 - np.exp(-2.0))
@@ -45,13 +45,12 @@ class EnergyModel:
         return float(self.scale * max(self.hover_w - relieved + drag, 0.3 * self.hover_w))
 
     def used_wh(self, duration_s: float, airspeed_m_s: float, climb_m: float = 0.0) -> float:
-        """Energy of a stretch of flight; a descent recovers none."""
+        """Energy of a stretch of flight [Wh]; a descent recovers none."""
         climb = self.scale * self.climb_j_per_m * max(climb_m, 0.0)
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Update with the energy predicted for a stretch, and the energy used by battery
-        readings.
+        """Update with the predicted energy of a stretch, and the energy used by the battery.
 
         An unlikely value (an unknown payload) is accepted, but increases the uncertainty: the
         drone has to come home. `sigma_wh` is the error of two readings' difference. Raises
@@ -85,9 +84,9 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to climb, fly home and descend, at `sigmas` above the estimated power.
+        """Energy to climb, fly home and descend [Wh], `sigmas` above the estimated power.
 
-        Infinite if the wind is too strong.
+        It is infinite if the wind is too strong.
         """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
@@ -111,7 +110,7 @@ class EnergyModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Battery:
-    """Energy left, and the reserve required back home."""
+    """Energy left in the battery, and the reserve required at home."""
 
     remaining_wh: float
     reserve_wh: float = 15.0

@@ -16,15 +16,15 @@ from uavrt.planning.vehicle import Legs, Path
 
 _Floats = NDArray[np.float64]
 Strip = tuple[tuple[float, float], tuple[float, float]]
-"""East and north of a straight path's start and end [m]."""
+"""Start and end of a straight path, east and north [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
     """Distance between drones: over ground between their paths, and in height.
 
-    `margin`: factor on the distance when a planner chooses; paths with less are flown only if
-    there is no other.
+    `margin`: factor on the distance when a planner chooses; closer paths are flown only if
+        there is no other.
     """
 
     distance_m: float = 25.0
@@ -42,20 +42,20 @@ class Separation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherDrones:
-    """What one drone knows of the other drones before it decides."""
+    """State of the other drones of a search, as known before a decision."""
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Paths of drones that report: they will receive the pulses there."""
+    """Planned paths of drones that report; they will receive the pulses there."""
     left: frozenset[int] = frozenset()
-    """Tags that the others search for."""
+    """Tags that other drones search."""
     strips: tuple[Strip, ...] = ()
-    """Straight paths that belong to others at all times, because they share no clock."""
+    """Straight paths owned by other drones at all times, because drones share no clock."""
 
     def strips_apart_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """(ways,) least distance of straight paths from all strips."""
+        """(ways,) least distance of straight paths from all paths of other drones [m]."""
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, ways_apart_m(start_m, (east_m, north_m), one))
@@ -88,7 +88,7 @@ class OtherDrones:
 
 
 def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
-    """East and north on a path; its end afterwards."""
+    """East and north on a path at given times; the path's end afterwards."""
     return (
         np.interp(time_s, path.time_s, path.east_m),
         np.interp(time_s, path.time_s, path.north_m),

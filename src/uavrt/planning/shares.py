@@ -19,7 +19,8 @@ def shared_out(
 ) -> dict[int, list[int]]:
     """Located tags of each drone in the order of its round.
 
-    `found`: tags that need no more searching. `starts`: start of each drone's round, by number.
+    `found`: tags that need no more searching.
+    `starts`: start of each drone's round, by number.
     `owners`: previous drone of each tag, by number.
     """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
@@ -43,7 +44,7 @@ def shared_out(
 
 
 def _is_known(belief: TagBelief) -> bool:
-    """True if it is known in which part of its area a tag is."""
+    """True if a tag's position is known well enough for one drone to search it."""
     area = belief.prior.area
     width = np.hypot(area.east_m - area.west_m, area.north_m - area.south_m) / np.sqrt(12.0)
     return belief.spread().rms_m < float(PLANNING.located_share * width)

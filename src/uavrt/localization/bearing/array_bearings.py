@@ -24,13 +24,14 @@ _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
 Steering = Callable[[_Floats], _Complex]
-"""Directions (b,) clockwise from the array's nose [deg] to amplitudes (b, elements)."""
+"""Function from directions (b,) clockwise from the array's nose [deg] to the elements' complex
+amplitudes (b, elements)."""
 
 
 def circle_steering(
     elements: int, radius_wavelengths: float, elevation_deg: float = 0.0
 ) -> Steering:
-    """Monopoles evenly on a circle, the first ahead, then clockwise: pseudo-Doppler.
+    """Steering function of monopoles evenly on a circle, clockwise from ahead (pseudo-Doppler).
 
     With a radius above a quarter wavelength, neighbouring elements may differ by more than half
     a turn, and directions become ambiguous.
@@ -48,10 +49,10 @@ def circle_steering(
 def pair_steering(
     spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
 ) -> Steering:
-    """Two elements side by side: their sum and difference, right minus left.
+    """Steering function of two elements side by side: their sum, and right minus left.
 
-    The difference separates right from left; ahead and behind need a turn. With
-    `modes` false, the left and the right element themselves.
+    The difference separates right from left; ahead and behind need a turn. With `modes` false,
+    the left and the right element themselves.
     """
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 

@@ -19,24 +19,25 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingData:
-    """Input of an estimator from another package."""
+    """Input of a bearing estimator that another installed package adds."""
 
     yaw_deg: _Floats
-    """(n,) boresight, clockwise from true north."""
+    """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
-    """(n,) matched power over noise power, noise included; NaN is a miss."""
+    """(n,) power at the pulse's known time over the noise power, noise included; NaN is a
+    miss."""
     noise_psd: _Floats
-    """(n,) noise density of each pulse, up to a common factor."""
+    """(n,) noise density at each pulse, up to a common factor."""
     pattern: AntennaPattern
     threshold_db: float
-    """SNR above which a missed pulse would have been heard."""
+    """SNR above which a missed pulse would have been detected [dB]."""
     elevation_deg: float
     heading_sigma_deg: float
 
 
 BearingEstimator = Callable[[BearingData], Bearing]
 ADDED_METHODS: Registry[BearingEstimator] = Registry("uavrt.bearing_methods", {})
-"""Estimators of installed packages, by the name of the method."""
+"""Bearing estimators of installed packages, by the name of the method."""
 
 
 def estimate_bearing(
@@ -158,7 +159,7 @@ def _headings(yaw_deg: ArrayLike | None, quaternion_wxyz: ArrayLike | None) -> H
 
 
 def _power(snr_db: ArrayLike | None, matched_power: ArrayLike | None, count: int) -> _Floats:
-    """(n,) matched power, NaN for misses."""
+    """(n,) power of each pulse over the noise power, noise included; NaN for misses."""
     if (snr_db is None) == (matched_power is None):
         raise UsageError(
             "powers are missing or given twice", remedy="Give snr_db or matched_power"
@@ -192,7 +193,7 @@ def _noise(noise_psd: ArrayLike | None, count: int) -> _Floats:
 def _classic(
     method: str, yaw_deg: _Floats, power: _Floats, noise: _Floats, pattern: AntennaPattern
 ) -> Bearing:
-    """Run a method that uses only pulses with power; the others are dropped."""
+    """Run a published method, which uses only pulses with power; the others are dropped."""
     signal = power - 1.0
     if method.startswith("pca"):
         used = signal > 1.0  # the original drops SNR ≤ 0 dB

@@ -1,10 +1,9 @@
 """Loss of information in a turn when fading is correlated from pulse to pulse.
 
-Ground and plants keep a pulse's fading for some degrees of the turn. Pulses are then not
-independent, and the fit itself absorbs some of the correlation, so that the residuals show too
-little of it. Several correlations are weighed by their restricted likelihood (Patterson and
-Thompson 1971), which corrects for the fit. Each gives the variance of a bearing relative to
-independent pulses.
+Ground and plants keep a pulse's fading for some degrees of the turn, so pulses are not
+independent. The fit absorbs some of the correlation, so the residuals show too little of it.
+Several correlations are averaged by their restricted likelihood (Patterson and Thompson 1971),
+which corrects for the fit. Each gives the variance of a bearing relative to independent pulses.
 """
 
 from dataclasses import dataclass
@@ -22,18 +21,18 @@ class Whitened:
     """A turn's residuals after the best fit, each over its standard deviation."""
 
     residual: _Floats
-    """(n,) in order of time."""
+    """(n,) residuals in order of time [standard deviations]."""
     level_slope: _Floats
-    """(n,) derivative of the expected value by the level, in the same units."""
+    """(n,) derivative of the expected values by the level [standard deviations per dB]."""
     bearing_slope: _Floats
-    """(n,) derivative of the expected value by the bearing."""
+    """(n,) derivative of the expected values by the bearing [standard deviations per
+    degree]."""
     fading_part: _Floats
-    """(n,) share of fading in the standard deviation; the rest is noise, which is
-    uncorrelated."""
+    """(n,) share of fading in the standard deviation; the rest is uncorrelated noise."""
 
 
 def variance_factor(turn: Whitened) -> float:
-    """Variance of a bearing over that of independent pulses; 1 or more."""
+    """Variance of a bearing under correlated fading, over that without; 1 or more."""
     kept = slice(0, PATTERN.most_pulses)
     design = np.stack([turn.level_slope[kept], turn.bearing_slope[kept]], axis=1)
     residual, part = turn.residual[kept], turn.fading_part[kept]

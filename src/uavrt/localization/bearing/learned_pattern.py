@@ -1,8 +1,8 @@
 """Learn an antenna's pattern on the airframe, from the turns of a flight.
 
-Tables are read off a maker's plot; metal nearby changes them. Each turn past a tag samples the
-pattern at an unknown bearing and level. Several turns show their common deviation: a smooth
-correction of six harmonics.
+Pattern tables are read off a maker's plot; metal nearby changes them. Each turn near a tag
+samples the pattern at an unknown bearing and level. Several turns together show the deviation
+from the table, as a smooth correction of six harmonics.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,10 @@ class TurnPulses:
     """The pulses of one tag during one turn."""
 
     yaw_deg: _Floats
-    """(n,) antenna's heading."""
+    """(n,) direction of the antenna's boresight at each pulse, clockwise from true north
+    [deg]."""
     matched_power: _Floats
-    """(n,) over the noise power, noise included; NaN is a miss."""
+    """(n,) power of each pulse over the noise power, noise included; NaN is a miss."""
 
 
 def learn_pattern(
@@ -69,7 +70,7 @@ def learn_pattern(
 
 
 def _basis(angle_deg: _Floats) -> _Floats:
-    """(n, harmonics) cosines: mirrored, and smooth at 0° and 180°."""
+    """(n, harmonics) cosines of multiples of each angle; symmetric about 0° and 180°."""
     order = np.arange(1, LEARNED_PATTERN.harmonics + 1)
     return np.asarray(np.cos(np.radians(angle_deg)[:, None] * order))
 
@@ -77,7 +78,7 @@ def _basis(angle_deg: _Floats) -> _Floats:
 def _equations(
     turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
 ) -> tuple[_Floats, _Floats]:
-    """Whitened linear equations of one turn for the correction, its level projected out.
+    """Linear equations of one turn for the pattern's correction, whitened, without its level.
 
     The measured level is 10 log10(1 + S); it follows the gain by S / (1 + S), so pulses at the
     noise floor contribute nothing.

@@ -1,4 +1,4 @@
-"""The likelihood of a rotation over bearing, with level and fading integrated out."""
+"""Likelihood of a bearing given the powers of a rotation, level and fading integrated out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,30 +11,31 @@ from uavrt.localization.power_law import PowerTables
 from uavrt.localization.tuning import POWER_LAW
 
 Gain = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Bearings (b,) [deg] to the antenna's gain re boresight (n, b) [dB] at each of n pulses."""
+"""Function from bearings (b,) [deg] to the antenna's gain over boresight (n, b) [dB] at each of
+n pulses."""
 
 GRID_DEG = np.arange(0.0, 360.0, PATTERN.grid_step_deg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BearingLikelihood:
-    """Likelihood over bearing on `GRID_DEG`."""
+    """Likelihood of each bearing on the grid `GRID_DEG`, and the fitted level and fading."""
 
     log_density: NDArray[np.float64]
     """(1440,) log-likelihood, averaged over the priors of level and fading."""
     log_flat: float
-    """The same without a direction: half for noise alone, half for a constant level."""
+    """Log-likelihood without a direction: half for noise alone, half for a constant level."""
     fading_db: float
-    """Posterior mean of the fading's standard deviation."""
+    """Posterior mean of the fading's standard deviation [dB]."""
     level_db: float
-    """SNR on boresight at the best bearing."""
+    """SNR on boresight at the best bearing [dB]."""
     level_sigma_db: float
 
 
 def bearing_likelihood(
     tables: PowerTables, gain: Gain, noise_db: NDArray[np.float64]
 ) -> BearingLikelihood:
-    """Sum the pulses' tables along the pattern, coarsely everywhere, finely near the peak.
+    """Likelihood of all bearings on a coarse grid, and of those near the peak on a fine one.
 
     `gain`: the antenna's gain at each pulse towards a bearing.
     `noise_db` (n,): noise of each pulse over the median noise [dB].
@@ -109,10 +110,10 @@ def _summed(
     """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
 
     `tables`: shape (n, steps, fadings).
-    `places` (n, b): where a boresight level of 0 dB falls in each pulse's table at each bearing
+    `places` (n, b): index of a boresight level of 0 dB in each pulse's table at each bearing
     [steps].
     `starts` (b,): lowest boresight level for each bearing [steps].
-    `steps` (k,): all boresight levels, from the lowest on [steps].
+    `steps` (k,): offsets of all boresight levels from the lowest [steps].
     """
     last = tables.shape[1] - 2
     total = np.zeros((len(starts), len(steps), tables.shape[2]), np.float64)
@@ -134,7 +135,7 @@ def _summed(
 
 
 def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Logarithm of the mean over the last axis (the fadings, equally likely at first)."""
+    """Logarithm of the mean over the last axis: the equally probable fadings."""
     top = values.max(axis=-1, keepdims=True)
     return np.asarray(np.log(np.mean(np.exp(values - top), axis=-1)) + top[..., 0])
 
@@ -142,8 +143,8 @@ def _log_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.float64]:
     """Logarithm of the integral over the levels (axis 1).
 
-    Where the peak is narrower than a step, the sum would depend on the peak's place between the
-    levels; there a parabola through the best three gives its height and width (Laplace).
+    Where the peak is narrower than a step, the sum would depend on the peak's position between
+    two levels. There a parabola through the best three gives its height and width (Laplace).
     """
     best = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)[:, None, :]
     left, middle, right = (
@@ -158,7 +159,7 @@ def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.flo
 
 
 def _moments(values: NDArray[np.float64], level_db: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and standard deviation of the level, fadings together; (k, fadings)."""
+    """Mean and standard deviation of the level [dB], from (k, fadings) log-likelihoods."""
     weight = np.exp(values - values.max()).sum(axis=1)
     weight /= weight.sum()
     mean = float(weight @ level_db)

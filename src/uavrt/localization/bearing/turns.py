@@ -1,7 +1,7 @@
-"""Find turns in place in a flight: the rotations that bearings come from.
+"""Find turns in place in a flight, which bearings are estimated from.
 
-They are found in the poses: clockwise or counter-clockwise, with pauses, at 8 or 16 stops or
-without any.
+The poses show them: clockwise or counter-clockwise, with pauses, at 8 or 16 stops or without
+any.
 """
 
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
 _DRIFT_M_PER_DEG = TURNS.path_m / 90.0
-"""Largest drift of a turn in place: a whole turn then stays within its radius."""
+"""Largest drift of a turn in place [m/°]; a whole turn then stays within its radius."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """A turn in place."""
+    """A turn in place: its times, angle, stops and position."""
 
     start_time_ns: int
     end_time_ns: int
     turned_deg: float
-    """Whole angle, positive is clockwise."""
+    """Angle of the whole turn [deg], positive clockwise."""
     stops: int
     """Number of stops; 0 is a continuous turn."""
     widest_gap_deg: float
-    """Widest arc of headings that was skipped."""
+    """Widest arc of headings without a pose [deg]."""
     latitude_deg: float
-    """Median place during the turn."""
+    """Median latitude during the turn."""
     longitude_deg: float
 
 
@@ -118,7 +118,7 @@ def find_turns(
 
 
 def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
-    """Median of places, exact to the last digit for any other part of the flight."""
+    """Median latitude and longitude, exactly independent of the rest of the flight."""
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
@@ -140,7 +140,7 @@ def _described(
 
 
 def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
-    """Speed over a window of 3 s, which averages GNSS noise out."""
+    """Speed at each pose, averaged over a window that removes GNSS noise [m/s]."""
     half = TURNS.speed_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
@@ -149,7 +149,7 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
 
 
 def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Mask of permanent changes of place, however slow."""
+    """True for poses during a permanent change of place, however slow."""
     before = np.searchsorted(seconds, seconds - TURNS.path_window_s)
     after = np.searchsorted(seconds, seconds + TURNS.path_window_s, side="right") - 1
 
@@ -164,7 +164,7 @@ def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]
 def _that_lead_away(
     moves: NDArray[np.bool_], east: _Floats, north: _Floats
 ) -> NDArray[np.bool_]:
-    """Keep the runs whose ends are `TURNS.path_m` apart."""
+    """Keep the stretches of True whose ends are at least the length of a path apart."""
     kept = np.zeros(len(moves), bool)
     for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
@@ -175,7 +175,7 @@ def _that_lead_away(
 def _walking(
     east: _Floats, north: _Floats, yaw: _Floats, moves: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Mask of permanent changes of place without the rotation of a turn in place."""
+    """True for poses during a permanent change of place without the rotation of a turn."""
     walking = moves.copy()
     for first, last in _runs(moves):
         within = slice(first, last)
@@ -184,7 +184,7 @@ def _walking(
 
 
 def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Mask of rotations over a span of degrees with little change of place."""
+    """True for poses during a rotation with little change of place."""
     found = np.zeros(len(yaw), bool)
     for start, stop in _legs(yaw):
         way = np.sign(yaw[stop] - yaw[start])
@@ -207,7 +207,7 @@ def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _legs(yaw: _Floats) -> list[tuple[int, int]]:
-    """First and last index of stretches in one direction; small reversals are ignored."""
+    """First and last index of rotations in one sense; small reversals are ignored."""
     legs, start, best = [], 0, 0
     way = 0.0
     for index in range(1, len(yaw)):
@@ -230,7 +230,7 @@ def _legs(yaw: _Floats) -> list[tuple[int, int]]:
 def _cut_at_paths(
     yaw: _Floats, moves: NDArray[np.bool_], legs: list[tuple[int, int]], least_turn_deg: float
 ) -> list[tuple[int, int]]:
-    """Cut legs where a path begins or ends with a whole turn; it may be a turn that drifts."""
+    """Cut rotations where a path separates whole turns; a drifting turn is not cut."""
     parts = []
     for start, stop in legs:
         cuts = [start]
@@ -270,10 +270,10 @@ def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:
 def _without_long_pauses(
     seconds: _Floats, yaw: _Floats, longest_pause_s: float
 ) -> list[tuple[int, int]]:
-    """Cut a leg at long pauses, and leave out standing and drifting before and after it.
+    """Cut a stretch of rotation at long pauses; omit rest and drift before and after it.
 
-    The first and the last stop are kept as long as the longest one between them, so that a turn
-    of eight stops has eight; of a turn without stops only the moving part is left.
+    The first and the last stop keep the length of the longest one between them, so that a turn
+    of eight stops has eight. A turn without stops keeps only its moving part.
     """
     moving = _runs(_turning(seconds, yaw))
     parts: list[list[tuple[int, int]]] = []
@@ -303,7 +303,7 @@ def _with_its_stops(
 
 
 def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
-    """Mask of headings that change as in a turn, faster than a compass drifts."""
+    """True for poses whose heading changes as in a turn, faster than a compass drifts."""
     half = TURNS.rate_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
@@ -325,7 +325,7 @@ def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
 
 
 def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Mask of poses off the ground; all without heights, or when it never took off."""
+    """True for poses off the ground; True for all without heights or without a take-off."""
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)
@@ -343,7 +343,7 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
 
 
 def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Mask of climbs and descents by several metres."""
+    """True for poses during a climb or descent of several metres."""
     height = np.where(np.isfinite(height_m), height_m, 0.0)
     half = TURNS.speed_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)

@@ -1,4 +1,4 @@
-"""Compare one direction with a wave and its reflection as the source of a rotation's levels.
+"""Test whether a direct wave and a reflection explain a rotation's levels better than one wave.
 
 A reflection by a wall or a slope adds to the direct wave with some strength and phase. It turns
 a bearing by tens of degrees without a visible sign: one lobe, good signal. Only the shape of
@@ -17,22 +17,22 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.tuning import TWO_PATHS
 
 _PAIRS_DEG = [sign * turn for turn in TWO_PATHS.apart_deg for sign in (1, -1)][:-1]
-"""Directions of the weaker path, clockwise from the stronger one; 180° once."""
+"""Directions of the weaker path, clockwise from the stronger one [deg]; 180° occurs once."""
 _WEAKER_SHARE = np.repeat(
     [1.0 / (1.0 + 10.0 ** (-db / 10.0)) for db in TWO_PATHS.weaker_db], len(TWO_PATHS.cosines)
 )
-"""Share of the weaker path in the power of both, by strength and phase."""
+"""Share of the weaker path in the power of both, for each strength and phase."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TwoPaths:
-    """A wave and its reflection as the source of a rotation's levels."""
+    """A direct wave and its reflection, as fitted to the levels of a rotation."""
 
     bearings_deg: tuple[float, float]
-    """The best pair, the stronger first; either may be the tag's."""
+    """Bearings of the stronger and the weaker path; either may be the tag's."""
     density: NDArray[np.float64]
-    """(360,) probability of whole degrees; the stronger path is more probably the direct
-    one."""
+    """(360,) probability that each whole degree is the tag's bearing; the stronger path is more
+    probably the direct one."""
 
 
 def two_paths(
@@ -45,13 +45,13 @@ def two_paths(
     fading_db: float,
     folds: int,
 ) -> TwoPaths | None:
-    """Find two paths; None where one path explains the levels, and for too few pulses.
+    """Fit two paths to a rotation; None where one path explains the levels, or with few pulses.
 
     `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
-    noise over its median, of heard pulses.
+    noise over its median, of received pulses.
     `pattern`: used in the plane of its elements.
     `level_db`, `fading_db`: boresight SNR and fading of the one-path fit; they set the weights
-    and the noise floor only.
+        and the noise floor only.
     """
     if len(yaw_deg) < TWO_PATHS.least_pulses:
         return None
@@ -93,10 +93,10 @@ def two_paths(
 
 @lru_cache(maxsize=8)
 def _powers(pattern: AntennaPattern) -> NDArray[np.float64]:
-    """Powers (shapes, 360) over the strongest, by bearing of the stronger path minus heading.
+    """Model powers (shapes, 360) by bearing of the stronger path minus heading; the peak is 1.
 
-    The first is that of one path; then pairs by direction of the weaker path, as in
-    `_PAIRS_DEG`, by its strength and by its phase.
+    The first shape has one path. Pairs follow, by direction of the weaker path as in
+    `_PAIRS_DEG`, then by its strength and its phase.
     """
     amplitude = 10.0 ** (pattern.gain_db(np.arange(360.0)) / 20.0)
     second = np.stack([np.roll(amplitude, -turn) for turn in _PAIRS_DEG])[:, None, None, :]

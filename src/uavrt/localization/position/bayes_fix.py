@@ -1,9 +1,10 @@
-"""The default position estimator: a posterior on cells that are small near its peaks.
+"""Posterior of a position on cells that are small near its peaks; the default estimator uses
+it.
 
-Cells are quartered as long as they hold much, so that narrow peaks and long tails, such as
-those of a possible outlier, are both resolved. The point is the most probable one; the mean
-lies outward of it for weak geometry. A bearing that contradicts the others is reported instead
-of followed: each may be an outlier with some probability.
+Cells with much probability are quartered, so that narrow peaks and long tails, such as those of
+a possible outlier, are both resolved. The point is the most probable one; the mean lies outward
+of it for weak geometry. A bearing that contradicts the others is reported and does not move the
+point, since each may be an outlier with some probability.
 """
 
 from collections.abc import Callable
@@ -18,13 +19,13 @@ from uavrt.localization.results import Ellipse
 _Floats = NDArray[np.float64]
 
 LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
-"""East and north (places,) and the width of each place's cell [m] (places,) to the
+"""Function from east and north (places,) and the cell width at each place [m] (places,) to the
 log-likelihood (places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Area:
-    """Search area: a rectangle in the local plane."""
+    """Rectangle in the local plane that is searched for a tag."""
 
     west_m: float
     east_m: float
@@ -32,7 +33,7 @@ class Area:
     north_m: float
 
     def touches(self, east_m: _Floats, north_m: _Floats, half_m: _Floats) -> NDArray[np.bool_]:
-        """(n,) mask of squares around some places that overlap the area."""
+        """(n,) True for squares around given places that overlap the area."""
         return np.asarray(
             (east_m + half_m > self.west_m)
             & (east_m - half_m < self.east_m)
@@ -43,29 +44,27 @@ class Area:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """A posterior on squares of any size that cover an area, and derived values."""
+    """Posterior on squares of any size that cover an area, and derived values."""
 
     east_m: _Floats
     north_m: _Floats
     width_m: _Floats
     log_density: _Floats
-    """(n,) up to a constant."""
+    """(n,) log-density of each cell, up to a constant."""
     probability: _Floats
-    """(n,) of each cell; sums to 1."""
+    """(n,) probability of each cell; sums to 1."""
     log_evidence: float
     """Logarithm of the likelihood's integral over the area."""
     at_edge: bool
     rough: NDArray[np.bool_]
-    """(n,) True where the density may vary by more than `GRID.rough_nats` in a cell."""
+    """(n,) True where the density may vary strongly within a cell."""
 
     def mean(self) -> tuple[float, float]:
-        """East and north [m] of the point with the least expected squared error."""
+        """East and north of the mean [m], which has the least expected squared error."""
         return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
 
     def likely_mean(self, log_likelihood: LogLikelihood) -> tuple[float, float]:
-        """East and north [m] of the mean; or, where it lies between peaks, of the nearest place
-        in the smallest set of cells that holds half.
-        """
+        """East and north of the mean [m]; if that is unlikely, of the nearest likely place."""
         east, north = self.mean()
         order = np.argsort(-self.log_density)
         kept = order[: int(np.searchsorted(np.cumsum(self.probability[order]), 0.5)) + 1]
@@ -76,7 +75,7 @@ class Cells:
         return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
-        """Radius of the circle around a point that holds some share.
+        """Radius of the circle around a point that holds a given probability [m].
 
         Each cell's probability is spread over its range of distances.
         """
@@ -95,7 +94,7 @@ class Cells:
         return ellipse_of((centred * self.probability) @ centred.T, share)
 
     def around(self, share: float) -> Area:
-        """Rectangle around the smallest set of cells that holds some share."""
+        """Rectangle around the smallest set of cells that holds a given probability."""
         density = self.probability / self.width_m**2
         order = np.argsort(-density)
         count = int(np.searchsorted(np.cumsum(self.probability[order]), share)) + 1
@@ -111,7 +110,7 @@ class Cells:
 
 
 def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
-    """Ellipse that holds some share of a normal law, from its (2, 2) covariance."""
+    """Ellipse that holds a given probability of a normal law, from its (2, 2) covariance."""
     values, vectors = np.linalg.eigh(covariance_m2)
     scale = -2.0 * np.log(1.0 - share)
     minor, major = np.sqrt(np.maximum(values, 0.0) * scale)
@@ -124,7 +123,7 @@ def ellipse_of(covariance_m2: _Floats, share: float = 0.95) -> Ellipse:
 
 
 def normal_radius_m(covariance_m2: _Floats, share: float) -> float:
-    """Radius of the centred circle that holds some share of a normal law in the plane."""
+    """Radius of the centred circle that holds a given probability of a normal law [m]."""
     angle = np.radians(np.arange(0.5, 360.0))
     across = np.stack([np.cos(angle), np.sin(angle)])
     q = np.einsum("ia,ij,ja->a", across, np.linalg.inv(covariance_m2), across)
@@ -147,16 +146,16 @@ def cells_posterior(
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
-    """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
+    """Evaluate a likelihood on squares, and again on the quarters of probable squares.
 
     `log_likelihood`: gets the width of each cell, so that a ray narrower than it is not missed.
-    `first_cells`: cells along the longer side at first.
-    `held`: a cell that holds more is quartered.
-    `growth`: rough cells are quartered from a small share on, which is multiplied by this after
-    each quartering, since the slopes of a resolved peak hold little.
+    `first_cells`: number of cells along the longer side at first.
+    `held`: probability above which a cell is quartered.
+    `growth`: factor at each quartering on the probability above which a rough cell is
+        quartered, since the slopes of a resolved peak hold little.
     `within`: area in which cells wider than `shows_m` are always quartered: the middle of a
-    cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
-    `shows_m`: width of a cell that misses no peak.
+        cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
+    `shows_m`: cell width that misses no peak [m].
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
@@ -167,11 +166,11 @@ def cells_posterior(
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
-    """Evaluate a likelihood that extends the one that cells were made for.
+    """Refine an earlier posterior's cells for a likelihood with further data.
 
     `cells`: starting cells, as small as the first likelihood needs.
-    `density` (n,): the new likelihood at these cells. Where it is the first one's but for a
-    constant, no cell is quartered again.
+    `density` (n,): the new log-likelihood at these cells. Where it differs from the first one
+    by a constant only, no cell is quartered again.
     """
     added = density - cells.log_density
     rough = cells.rough | (added - np.median(added) > GRID.added_nats)
@@ -192,7 +191,7 @@ def _quartered(
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
-    """Quarter cells as long as they hold much, or vary much within."""
+    """Quarter cells repeatedly where they are probable or the density varies within."""
     at_edge = _edge_share(east, north, width, density) > GRID.edge_share
     widest = float(width.max())
     for _ in range(GRID.rounds):
@@ -245,7 +244,7 @@ def _overlooked(
     shows_m: float,
     within: Area,
 ) -> NDArray[np.bool_]:
-    """Mask of the widest cells within an area with a likely corner, which must be quartered."""
+    """True for the widest cells in an area with a likely corner, which must be quartered."""
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
@@ -262,9 +261,9 @@ def _overlooked(
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:
-    """East and north [m] of the maximum, refined by parabolas.
+    """East and north of the maximum [m], refined by parabolas.
 
-    Searched on an even grid over the more likely half: cells of several sizes are blurred
+    It is found on an even grid over the more likely half: cells of several sizes are blurred
     differently, and cannot be compared to the last metre.
     """
     east, north, probability = map_of(cells, log_likelihood, GRID.peak_cells, share=0.5)
@@ -279,7 +278,7 @@ def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, f
 def map_of(
     cells: Cells, log_likelihood: LogLikelihood, count: int, *, share: float = GRID.map_share
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Probability on an even grid around most of it: east (x,), north (y,), and (y, x)."""
+    """Probability on an even grid around most of it: east (x,), north (y,), values (y, x)."""
     around = cells.around(share)
     wide, high = around.east_m - around.west_m, around.north_m - around.south_m
     step = max(wide, high) / (count - 4)
@@ -297,7 +296,7 @@ def map_of(
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:
-    """Squares that cover an area, the last ones extending beyond it by less than one."""
+    """Squares that cover an area; the last ones extend beyond it by less than one width."""
     wide, high = area.east_m - area.west_m, area.north_m - area.south_m
     step = max(wide, high) / count
     across, along = (max(4, round(side / step)) for side in (wide, high))
@@ -316,7 +315,7 @@ def _normalised(density: _Floats, width: _Floats) -> tuple[_Floats, float]:
 
 
 def _edge_share(east: _Floats, north: _Floats, width: _Floats, density: _Floats) -> float:
-    """Probability of a margin as wide as the widest cell."""
+    """Probability of the area's margin, one widest cell wide."""
     probability, _ = _normalised(density, width)
     margin, half = 0.99 * float(width.max()), 0.5 * width
     border = np.zeros(len(east), bool)

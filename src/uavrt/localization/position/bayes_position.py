@@ -1,4 +1,4 @@
-"""Posterior of a place: a resting tag, and other explanations of its bearings."""
+"""Position by the method ``bayes``: posterior of a resting tag, and of other explanations."""
 
 from dataclasses import dataclass
 
@@ -45,10 +45,10 @@ def bayes_position(
     *,
     follow: Follow = "never",
 ) -> Position:
-    """Find the posterior of a place, and cautions for the operator.
+    """Estimate a position, with cautions for the operator.
 
     `stations`, `powers`: measurements; at least one of them.
-    `follow`: when a moving tag's path is computed.
+    `follow`: condition for computing the path of a moving tag.
     Raises `UsageError`: a path was requested, and times are not known.
     """
     model = Model(stations, powers, known)
@@ -107,7 +107,7 @@ class _Solved:
     log_likelihood: LogLikelihood
     cells: Cells
     resting: Cells
-    """Posterior of a resting tag with usual heading errors."""
+    """Posterior of the place of a resting tag with usual heading errors."""
     agreement: "_Agreement"
     point: tuple[float, float]
 
@@ -142,7 +142,7 @@ def _solved(model: Model) -> _Solved:
 def _explained(
     model: Model, resting: Cells, point: tuple[float, float], agreement: "_Agreement"
 ) -> _Solved:
-    """Add the places by other explanations to those of a resting tag."""
+    """Add places by other explanations of the bearings to the posterior of a resting tag."""
     log_likelihood: LogLikelihood = model.log_likelihood
     cells = resting
     if agreement.others:
@@ -171,19 +171,19 @@ class _Agreement:
     """Consistency of the bearings, and explanations other than a resting tag."""
 
     found: tuple[tuple[float, Fit], ...] = ()
-    """All explanations with their probabilities, that of a resting tag first."""
+    """Explanations with their probabilities; that of a resting tag precedes the others."""
     reported: Fit | None = None
     unchecked: tuple[Caution, ...] = ()
-    """Why a common error cannot be checked."""
+    """Reason why errors that all bearings share cannot be checked."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
-        """Explanations other than a resting tag, if they matter."""
+        """Explanations other than a resting tag whose probability is not negligible."""
         return tuple(one for one in self.found[1:] if one[0] > GRID.negligible)
 
     @property
     def best(self) -> Fit | None:
-        """The most probable explanation; None when none was computed."""
+        """Most probable explanation; None when none was computed."""
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
     def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
@@ -225,7 +225,7 @@ def _explanations(
 
 
 def _resting(model: Model, bearings: FlightBearings, point: tuple[float, float]) -> Fit | None:
-    """Fit of a resting tag, which identifies contradicting bearings."""
+    """Fit of a resting tag, which shows contradicting bearings."""
     if len(bearings.bearing_deg) < 2:
         return None
     ((_, fit),) = _explanations(model, bearings, point, frozenset())
@@ -253,7 +253,7 @@ def _flight_bearings(model: Model) -> FlightBearings | None:
 
 
 def _lobe(posterior: _Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the main lobe of whole degrees' probabilities."""
+    """Mean and standard deviation of the main lobe of a (360,) probability [deg]."""
     degrees = np.arange(360.0) * (360.0 / len(posterior))
     off = difference_deg(degrees, float(degrees[int(np.argmax(posterior))]))
     inside = np.abs(off) <= PATTERN.lobe_deg
@@ -265,21 +265,21 @@ def _lobe(posterior: _Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Mixture:
-    """Places of a resting tag with usual headings, and of the other explanations."""
+    """Likelihood of a place: a resting tag, mixed with other explanations."""
 
     resting: LogLikelihood
     log_evidence: float
     others: tuple[tuple[float, Fit], ...]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        """(places,) of the mixture."""
+        """(places,) log-likelihood of the mixture."""
         resting = self.resting(east_m, north_m, cell_m)
         return self.added_to(resting, east_m, north_m, cell_m)
 
     def added_to(
         self, resting: _Floats, east_m: _Floats, north_m: _Floats, cell_m: _Floats
     ) -> _Floats:
-        """(places,) of the mixture, given that of the resting tag."""
+        """(places,) log-likelihood of the mixture, given that of the resting tag."""
         rest = 1.0 - sum(probability for probability, _ in self.others)
         parts = [np.log(max(rest, 1e-12)) + resting - self.log_evidence]
         for probability, fit in self.others:
@@ -298,7 +298,7 @@ class _Mixture:
 def _heading_error(
     model: Model, doubts: Doubts | None, agreement: _Agreement
 ) -> tuple[float | None, float | None]:
-    """Common error of all headings, as far as the bearings determine it."""
+    """Error that all headings share, and its standard deviation [deg]; None if unknown."""
     if model.known.heading_sigma_deg <= 0.0 or doubts is None:
         return None, None
     best = agreement.best
@@ -310,7 +310,7 @@ def _heading_error(
 
 
 def _doubts(model: Model, cells: Cells) -> Doubts | None:
-    """Doubts at the most likely standard deviation, where several are weighed."""
+    """Heading error and outliers at the most likely of several standard deviations."""
     if not model.bearings:
         return None
     top = int(np.argmax(cells.log_density))

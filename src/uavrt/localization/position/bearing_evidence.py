@@ -44,7 +44,7 @@ class BearingEvidence:
 
     @staticmethod
     def _blurred(density: _Floats) -> _Floats:
-        """(n, blurs, 1440) density per degree."""
+        """(n, blurs, 1440) density of each bearing per degree, blurred by cell widths."""
         stations, steps = density.shape
         count = round(360.0 / BEARING_FIX.step_deg)
         grid = np.arange(count) * BEARING_FIX.step_deg
@@ -62,7 +62,7 @@ class BearingEvidence:
         )
 
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
-        """(n, places, turned): density of each bearing towards each place, per degree.
+        """(n, places, turned) density of each bearing for each place and heading error.
 
         `east_m`, `north_m` (places,): the places.
         `cell_m` (places,): width of the cell that a place represents.
@@ -86,7 +86,7 @@ class BearingEvidence:
     def log_likelihoods(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places, turned) logarithm of the prior of each heading error and of all bearings."""
+        """(places, turned) log-likelihood of all bearings with a heading error's prior."""
         return self._log_likelihoods(self.densities(east_m, north_m, cell_m))
 
     def _log_likelihoods(self, densities: _Floats) -> _Floats:
@@ -99,7 +99,7 @@ class BearingEvidence:
     def log_likelihood(
         self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float
     ) -> _Floats:
-        """(places,) logarithm of the product of all bearings' densities."""
+        """(places,) log-likelihood of all bearings, the heading error integrated out."""
         each = self.log_likelihoods(east_m, north_m, cell_m)
         top = each.max(axis=1)
         if each.shape[1] == 1:
@@ -109,7 +109,7 @@ class BearingEvidence:
     def doubts(
         self, east_m: _Floats, north_m: _Floats, probability: _Floats, cell_m: _Floats
     ) -> "Doubts":
-        """Heading error and outlier probabilities over a posterior of places."""
+        """Heading error and outlier probabilities, averaged over a posterior of places."""
         # Cells in the far tails are many, and decide nothing.
         order = np.argsort(-probability)
         count = (
@@ -134,23 +134,23 @@ class BearingEvidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubts:
-    """Heading error and outliers, averaged over a posterior of places."""
+    """Heading error and outlier probabilities, averaged over a posterior of places."""
 
     heading_error_deg: float
-    """Mean and standard deviation of the common error of all headings."""
+    """Mean of the error that all headings share [deg]."""
     heading_error_sigma_deg: float
     outlier_probabilities: tuple[float, ...]
 
 
 def _nodes(sigma_deg: float) -> NDArray[np.int64]:
-    """Heading errors on a grid of up to three sigma, in steps of the tables; about 9."""
+    """About 9 heading errors up to three sigma [table steps]."""
     step = max(1, round(0.67 * sigma_deg / BEARING_FIX.step_deg))
     reach = int(3.0 * sigma_deg / BEARING_FIX.step_deg / step)
     return np.arange(-reach, reach + 1) * step
 
 
 def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
-    """(n, 1440) von Mises probabilities, kappa = 1 / sigma²; sigma at least 0.3°."""
+    """(n, 1440) von Mises probabilities with kappa = 1 / sigma²; sigma is at least 0.3°."""
     kappa = 1.0 / np.radians(np.maximum(sigma_deg, 0.3)) ** 2
     grid = np.arange(0.0, 360.0, BEARING_FIX.step_deg)
     off = np.radians(difference_deg(grid[None, :], bearing_deg[:, None]))
@@ -159,7 +159,7 @@ def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
 
 
 def density_of(bearing_deg: float, sigma_deg: float | None) -> _Floats:
-    """(360,) probability of whole degrees; an unknown error is a mixture of all."""
+    """(360,) probability of whole degrees; an unknown error is a mixture of several."""
     sigmas = np.array(BEARING_FIX.unknown_sigmas_deg if sigma_deg is None else (sigma_deg,))
     each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[
         :, :: round(1.0 / BEARING_FIX.step_deg)

@@ -1,7 +1,7 @@
-"""The same regression when pulses were missed because they were weak.
+"""Regression of pulse powers on distance, when pulses were missed because they were weak.
 
-A fit to the heard pulses alone is biased: at the limit of hearing the loss looks flat. Each
-miss is therefore replaced by its expected level below the threshold, and the fit repeated
+A fit to the received pulses alone is biased: near the threshold the loss looks flat. Each miss
+is therefore replaced by its expected level below the threshold, and the fit repeated
 (expectation maximisation of Tobin's model). Some misses have other reasons, such as an
 interferer: their share is estimated at each place in the same way.
 """
@@ -21,7 +21,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PowerFit:
-    """Level and path loss at each place, and its likelihood."""
+    """Level and path loss exponent at each place, and the log-likelihood."""
 
     log_likelihood: _Floats
     level_db: _Floats
@@ -40,7 +40,7 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> _Floats:
 
 
 def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Some of the misses, evenly along the track, and the weight of each."""
+    """Misses thinned out evenly along the track, and the weight of each."""
     every = max(1, -(-len(missed) // POWER.most_misses))
     kept = missed[every // 2 :: every]
     return kept, len(missed) / max(1, len(kept))
@@ -63,8 +63,8 @@ def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
     """Normal distribution function, and the density over it (inverse Mills ratio).
 
     Linear interpolation in tables is several times as fast as the functions, with errors up to
-    8e-6 and 2e-5. Beyond the tables' ends the values stay constant, but for the ratio, whose
-    line continues below, where it nears -u.
+    8e-6 and 2e-5. Beyond the tables the values stay constant; the ratio continues below as a
+    line, where it nears -u.
     """
     below, below_steps, ratio, ratio_steps = _normal_tables()
     place = np.minimum(u, POWER.highest_sigmas)
@@ -93,11 +93,12 @@ def censored_fit(
 ) -> PowerFit:
     """Fit level, exponent, fading and random misses at each place.
 
-    `loss`, `level_heard_db`: (places, heard) -10 log10 of distance over 100 m, and levels less
-    the antenna's gain.
-    `missed_loss`, `limit_db`: (places, missed) the same loss, and upper limits of the levels.
+    `loss`, `level_heard_db`: (places, heard) -10 log10 of distance over 100 m, and received
+        levels less the antenna's gain.
+    `missed_loss`, `limit_db`: (places, missed) the same for misses, with upper limits of the
+        levels.
     `miss_weight`: number of misses that each represents.
-    `correlation`: of neighbouring pulses' fading, the same for all compared places.
+    `correlation`: correlation of neighbouring pulses' fading, for all places.
     """
     heard = regression_sums(loss, level_heard_db)
     x, z, xx, xz, zz = heard
@@ -159,7 +160,7 @@ def _regressed(
     sigma: _Floats,
     propagation: Propagation,
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Level, exponent and determinant, for each place."""
+    """Level, exponent and determinant of the regression at each place."""
     prior = (sigma / propagation.exponent_sigma) ** 2
     weighted = share * missed_loss
     ones = count + share.sum(axis=1)
@@ -173,7 +174,7 @@ def _regressed(
 
 
 def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> float:
-    """Correlation of neighbours that explains the scatter of the means of stretches.
+    """Correlation of neighbouring pulses that explains the scatter of means of stretches.
 
     Errors of the ground model extend over many pulses below their own scatter, where neighbours
     alone hardly show them. The fit absorbs some of them, so the model's expected error is added
@@ -181,7 +182,7 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
     `residual`: shape (n,).
     `error_db`: standard deviation of the losses' error along the track.
-    `alike`: pulses over which it is the same.
+    `alike`: number of pulses over which this error is constant.
     """
     energy = max(float(np.var(residual)), 1e-9)
     inflation = 1.0
@@ -196,7 +197,7 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
 
 
 def lasting_correlation(residual: _Floats) -> float:
-    """Correlation of neighbours (n,), 0 to 0.95; chance's 1/√n taken off."""
+    """Correlation of neighbouring residuals (n,), 0 to 0.95, less chance's 1/√n."""
     energy = max(float(residual @ residual), 1e-9)
     lag = float(residual[1:] @ residual[:-1]) / energy
     return float(np.clip(lag - len(residual) ** -0.5, 0.0, 0.95))

@@ -1,9 +1,10 @@
 """Check that bearings agree, and find a common explanation if they do not.
 
-A wrong compass, or a walking animal, turns all bearings of a flight together; no single one
-looks bad. With four stations around the tag three explanations can be compared: a resting tag,
-a walking one, and a common heading error. Each is fitted to the bearings (with outliers) and
-compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch. 27).
+A wrong compass or a walking animal turns all bearings of a flight together, so that none of
+them alone is conspicuous. With four stations around the tag three explanations can be compared:
+a resting tag, a walking one, and a common heading error. Each is fitted to the bearings (with
+outliers) and compared by its evidence (Laplace's approximation; MacKay, Information Theory, ch.
+27).
 """
 
 from dataclasses import dataclass
@@ -31,35 +32,35 @@ class FlightBearings:
     """Bearings of one tag in the local plane."""
 
     east_m: _Floats
-    """(n,) stations."""
+    """(n,) east coordinates of the stations [m]."""
     north_m: _Floats
     bearing_deg: _Floats
     sigma_deg: _Floats
-    """(n,) of each bearing alone."""
+    """(n,) standard deviation of each bearing, without errors that they share [deg]."""
     time_s: _Floats | None = None
-    """(n,) None: times are unknown, and the tag is assumed to rest."""
+    """(n,) times of the bearings [s]; None assumes that the tag rests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """One fitted explanation."""
+    """One explanation of the bearings, fitted: rest, walk or compass."""
 
     explanation: Explanation
     place: _Floats
-    """(2,) east and north [m]; for a walking tag at the last bearing."""
+    """(2,) east and north of the tag [m]; for a walking tag at the last bearing."""
     covariance_m2: _Floats
     heading_error_deg: float
     heading_error_sigma_deg: float
     velocity_m_s: _Floats
-    """(2,) east and north."""
+    """(2,) east and north velocity of the tag [m/s]."""
     inlier: _Floats
-    """(n,) probability that each bearing is of the tag."""
+    """(n,) probability that each bearing belongs to the tag."""
     misfit: float
-    """Probability of at least this scatter of the bearings under the explanation."""
+    """Probability that the bearings scatter at least this far under the explanation."""
     log_evidence: float
 
     def middle_of(self, bearings: FlightBearings) -> tuple[float, float]:
-        """East and north of the tag in the middle of the flight."""
+        """East and north of the tag in the middle of the flight [m]."""
         ago_s = 0.0 if bearings.time_s is None else 0.5 * float(np.ptp(bearings.time_s))
         east, north = self.place - ago_s * self.velocity_m_s
         return float(east), float(north)
@@ -89,10 +90,11 @@ def explanations(
     outlier_share: float,
     unusual: frozenset[Explanation] = UNUSUAL,
 ) -> list[tuple[float, Fit]]:
-    """Fit all explanations; each with its probability, that of a resting tag first.
+    """Fit all explanations, each with its probability; that of a resting tag comes first.
 
     `bearings`: four or more, around the tag.
-    `heading_sigma_deg`: usual common error of the headings; 0: they are known.
+    `heading_sigma_deg`: standard deviation of the error that headings share; 0 for exact
+        headings.
     `outlier_share`: probability that a bearing is unrelated to the tag.
     """
     models = []
@@ -130,7 +132,7 @@ def explanations(
 def _best(
     bearings: FlightBearings, place: tuple[float, float], model: _Model, outlier_share: float
 ) -> Fit:
-    """Best fit from several starts: outliers cause more than one maximum."""
+    """Best fit of one explanation from several starts; outliers cause several maxima."""
     middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
     fits = []
     for east, north in (place, middle):
@@ -150,7 +152,7 @@ def _azimuth(bearings: FlightBearings, place: _Floats) -> _Floats:
 def _fitted(
     bearings: FlightBearings, start: _Floats, model: _Model, outlier_share: float
 ) -> Fit:
-    """Gauss–Newton with the outliers' probabilities as weights (expectation maximisation)."""
+    """Fit one explanation by Gauss–Newton, weighted by outlier probabilities."""
     ago = np.zeros(len(bearings.east_m))
     if bearings.time_s is not None and model.speed_m_s > 0.0:
         ago = bearings.time_s - bearings.time_s.max()
@@ -195,7 +197,7 @@ def _fitted(
 def _linearised(
     bearings: FlightBearings, theta: _Floats, ago: _Floats
 ) -> tuple[_Floats, _Floats]:
-    """Residuals (n,) [deg], and derivatives of the expected bearings (n, 5)."""
+    """Residuals (n,) [deg], and derivatives of the expected bearings (n, 5 parameters)."""
     east = theta[0] + theta[3] * ago - bearings.east_m
     north = theta[1] + theta[4] * ago - bearings.north_m
     square = np.maximum(east**2 + north**2, 25.0)
@@ -234,9 +236,10 @@ UNKNOWN_SIGMAS = Caution(
 def cautions_of(
     fit: Fit, outlier_probabilities: tuple[float, ...] | None = None
 ) -> tuple[Caution, ...]:
-    """Cautions on the most probable explanation.
+    """Cautions for the operator on the most probable explanation.
 
-    `outlier_probabilities`: for each bearing of a resting tag, over all its possible places.
+    `outlier_probabilities`: for each bearing of a resting tag, averaged over its possible
+        places.
     """
     found = []
     if fit.explanation == "compass":
@@ -259,7 +262,7 @@ def cautions_of(
 
 
 def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caution, ...]:
-    """Cautions on bearings with unknown errors."""
+    """Cautions for the operator on outliers among bearings with unknown errors."""
     return _cautions_of_odd(np.array(outlier_probabilities) > 0.5, scatter=False)
 
 
@@ -290,10 +293,10 @@ def _contradicting(numbers: NDArray[np.int64]) -> str:
 
 
 def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
-    """(n,) mask of probable outliers.
+    """(n,) True for probable outliers.
 
-    A bearing with two lobes that agrees by the second one is good for the posterior, while the
-    fit uses only the first.
+    The fit uses only the first lobe of a bearing. A bearing with two lobes that agrees by the
+    second one is no outlier by the posterior.
     """
     odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:

@@ -25,7 +25,7 @@ from uavrt.terrain.hill_losses import HillLosses
 _Floats = NDArray[np.float64]
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
 ADDED_METHODS: Registry[PositionEstimator] = Registry("uavrt.position_methods", {})
-"""Estimators of installed packages, by the name of the method."""
+"""Position estimators of installed packages, by the name of the method."""
 
 
 def estimate_position(
@@ -145,7 +145,7 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
 
 
 def _extent_m(powers: PowerTrack) -> float:
-    """Diagonal of the rectangle that holds the middle nine tenths of the places."""
+    """Diagonal of the rectangle around the middle nine tenths of the places [m]."""
     plane = plane_around(powers.latitude_deg, powers.longitude_deg)
     places = plane.to_local(powers.latitude_deg, powers.longitude_deg)
     spans = [np.subtract(*np.quantile(one, [0.95, 0.05])) for one in places]
@@ -199,9 +199,9 @@ def _lenth(stations: Stations, method: str) -> Position:
 
 
 def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
-    """Lenth's covariance with the scatter over n - 2 bearings: two coordinates were fitted.
+    """Covariance of Lenth's estimate, with the scatter over n - 2 bearings; None for two.
 
-    Lenth, R. V. (1981), Technometrics 23 (2), divides by n. None for two bearings.
+    Two coordinates were fitted; Lenth (1981, Technometrics 23:149) divides by n.
     """
     if covariance_m2 is None or stations < 3:
         return None

@@ -14,10 +14,10 @@ from uavrt.localization.position.tuning import TRACK, WALK
 from uavrt.localization.results import Position, TrackPoint
 
 Follow = Literal["never", "contradicted", "always"]
-"""When a path is computed: never; where the tag cannot rest; always."""
+"""Condition for computing a tag's path: never, if data contradict a fixed place, or always."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _MOVES = "the tag moved; its path is estimated from bearings"
-"""Fading that a way is sought with where the tag seems to rest: neighbours may fade alike."""
+"""Reason given for receivers whose levels are unused because the tag moved."""
 
 
 def followed(position: Position, model: Model, follow: Follow) -> Position:
@@ -85,7 +85,7 @@ def _by_powers(
 
 
 def _on_level_ground(position: Position, model: Model, powers: PowerTrack) -> PowerTrack:
-    """The powers without losses behind hills for a resting tag."""
+    """Powers corrected for losses behind hills, as for a tag at the estimated place."""
     if model.hills is None:
         return powers
     place = model.plane.to_local(position.latitude_deg, position.longitude_deg)

@@ -1,8 +1,8 @@
-"""Estimate of a tag's strength, place by place, and its update by a pulse or a miss.
+"""Estimate of a tag's strength for each possible place, and its update by a pulse or a miss.
 
 Published trackers assume a known strength. Here every place (cell or particle) has a normal
-distribution of it, given that the tag is there. A pulse updates it exactly, a miss by its first
-two moments. So the strength is learnt while the tag is searched.
+distribution of the strength, given that the tag is there. A pulse updates it exactly, a miss by
+its first two moments. The strength is so estimated during the search.
 """
 
 from dataclasses import dataclass, replace
@@ -20,32 +20,32 @@ from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
 from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
-"""Single or double precision, as in the input."""
+"""Array in single or double precision, as in the input."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listening:
-    """One expected pulse, heard or missed."""
+    """One expected pulse, received or missed."""
 
     east_m: float
-    """Place of the drone in the tracker's plane."""
+    """East coordinate of the drone in the tracker's plane [m]."""
     north_m: float
     height_m: float
-    """Above the tag."""
+    """Height of the drone above the tag [m]."""
     snr_db: float | None
-    """None is a miss: evidence of where the tag is not."""
+    """SNR of the pulse [dB]; None is a miss, which shows where the tag is not."""
     threshold_db: float = 10.0
-    """SNR from which it would have been heard."""
+    """SNR above which the pulse would have been detected [dB]."""
     yaw_deg: float | None = None
-    """Boresight; None is an upright monopole."""
+    """Direction of the boresight, clockwise from true north; None for an upright monopole."""
 
 
 def by_chance_density(heard: Listening) -> float:
-    """Density [1/dB] of the level of pulses that are not the tag's.
+    """Density of the power of pulses that are not the tag's [1/dB].
 
-    Half of them are noise just above the threshold, and half have any strength. If all had any
-    strength, each weak false pulse would be evidence of a weak tag, and no tag would be judged
-    absent.
+    Half of them are noise just above the threshold, and half have any strength. With any
+    strength for all, each weak false pulse would be evidence of a weak tag, and no tag would be
+    judged absent.
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
@@ -56,9 +56,9 @@ def by_chance_density(heard: Listening) -> float:
 
 @lru_cache(maxsize=64)
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gain in and across the plane of the elements, by the cosine off boresight, -1 to 1.
+    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1).
 
-    A pattern is evaluated for ten thousand places with every pulse: without arc cosines that
+    A pattern is evaluated for ten thousand places with every pulse; without arc cosines this
     takes a fifth of the time.
     """
     forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
@@ -72,14 +72,14 @@ def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np
 
 @lru_cache(maxsize=1)
 def _tails() -> NDArray[np.float32]:
-    """(n,) logarithm of the normal distribution function, symmetric about 0."""
+    """(n,) table of the logarithm of the normal distribution function, symmetric about 0."""
     return special.log_ndtr(
         np.arange(-LEVEL.tail_sigmas, LEVEL.tail_sigmas + LEVEL.tail_step, LEVEL.tail_step)
     ).astype(np.float32)
 
 
 def log_normal_tail(u: _Floats) -> _Floats:
-    """Logarithm of the normal distribution function; constant beyond 12."""
+    """Logarithm of the normal distribution function, from a table; constant beyond its ends."""
     place = (np.clip(u, -LEVEL.tail_sigmas, LEVEL.tail_sigmas) + LEVEL.tail_sigmas) * (
         1.0 / LEVEL.tail_step
     ) + 0.5
@@ -94,7 +94,7 @@ def antenna_gain_db(
     height_m: _Floats | float,
     slant_m: _Floats,
 ) -> _Floats:
-    """Gain towards places (dx, dy, height_m below) of a level drone; see `Listening`."""
+    """Antenna gain of a level drone towards places at (dx, dy, height_m below) [dB]."""
     if pattern is None or yaw_deg is None:
         # cos² of the elevation, not below that of the null
         flat = 1.0 - (height_m / slant_m) ** 2
@@ -120,19 +120,19 @@ def antenna_gain_db(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Behind:
-    """Effect of the ground on a pulse from each place."""
+    """Effect of the ground on a pulse, for a tag at each place."""
 
     rise_m: _Floats
-    """Height of the ground over that at the take-off."""
+    """Height of the ground above that at the take-off [m]."""
     lost_db: _Floats
     doubtful_db: _Floats
-    """Additional loss for an error of 1."""
+    """Additional loss if the relative error of the losses is 1 [dB]."""
 
     @classmethod
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "Behind | None":
-        """Losses from the drone to some places; None over level ground."""
+        """Ground effect between the drone and each place; None over level ground."""
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m
@@ -145,20 +145,20 @@ class Behind:
         )
 
     def scatter_db(self, fading_db: float) -> _Floats:
-        """Fading, and the part of the losses' error that differs from pulse to pulse."""
+        """Standard deviation of fading and losses that differ from pulse to pulse [dB]."""
         return np.asarray(np.hypot(fading_db, LOSS.pulse_share * self.lost_db))
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class LevelBelief:
-    """Mean and variance of the tag's SNR at 100 m, for each place."""
+    """Mean and variance of the tag's SNR at 100 m, for each possible place."""
 
     mean_db: _Floats
     variance_db2: _Floats
     known: bool = False
     """True if the strength is known and not estimated."""
     error: LossError | None = None
-    """Error of the ground's losses; None over level ground."""
+    """Relative error of the losses behind hills; None over level ground."""
 
     def expected_db(
         self,
@@ -169,7 +169,7 @@ class LevelBelief:
         pattern: AntennaPattern | None,
         behind: Behind | None = None,
     ) -> _Floats:
-        """Expected SNR here for a tag of the mean strength at each place."""
+        """Expected SNR at the drone if the tag is at each place [dB]."""
         # As Python's floats they leave single precision as it is.
         dx, dy = east_m - float(heard.east_m), north_m - float(heard.north_m)
         height: _Floats | float = float(heard.height_m)
@@ -186,7 +186,7 @@ class LevelBelief:
         return np.asarray(expected - behind.lost_db - error)
 
     def spread_db2(self, behind: Behind | None) -> _Floats:
-        """Variance of the expected level here, without fading."""
+        """Variance of the expected SNR at the drone, without fading [dB²]."""
         error = self.error
         if error is None or behind is None:
             return self.variance_db2
@@ -207,12 +207,12 @@ class LevelBelief:
     ) -> _Floats:
         """Update with one pulse or miss; returns its log-likelihood at each place.
 
-        `expected_db`: from `expected_db`.
-        `fading_db`: including other unknown parts of the level.
+        `expected_db`: result of `LevelBelief.expected_db`.
+        `fading_db`: standard deviation of fading and of other unknown parts of the level.
         `missed_share`: share of pulses missed at any strength.
         `chance_share`: share of pulses that are not the tag's.
         `elsewhere`: density [1/dB] of a pulse of this level from another source.
-        `behind`: as given to `expected_db`.
+        `behind`: ground effect, as given to `expected_db`.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2
@@ -241,9 +241,9 @@ class LevelBelief:
         return np.asarray(np.log(mixed))
 
     def _learn(self, behind: Behind | None, moved: _Floats, shrunk: _Floats) -> None:
-        """Update with a level other than expected.
+        """Update the level's mean and variance with a received level.
 
-        `moved`: its deviation over its variance [1/dB].
+        `moved`: deviation from the expected level over its variance [1/dB].
         `shrunk`: reduction of the variance, over its square [1/dB²].
         """
         error, with_pulse = self.error, self.variance_db2

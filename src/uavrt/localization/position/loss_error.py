@@ -1,10 +1,11 @@
-"""Error of a ground model's losses, estimated place by place together with a tag's strength.
+"""Error of a ground model's losses, estimated at each place together with a tag's strength.
 
 Behind a round top, in woods, or where the map is some metres off, pulses lose more or less than
-by the map, and equally so while the drone flies along the same side of the hill. As an
-independent error of each pulse, twenty of them would rule out the tag's place. So it is one
-unknown that pulses update and that decorrelates with the drone's path. The independent part
-must be small: places behind more of a hill would pay for it with every pulse.
+by the map. The error persists while the drone flies along the same side of the hill. As an
+independent error of each pulse, twenty of them would rule out the tag's place. It is therefore
+one unknown that pulses update and that decorrelates along the drone's path. The independent
+part must be small: places behind more of a hill would otherwise become improbable with every
+pulse.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +20,7 @@ _Floats = NDArray[np.floating[Any]]
 
 
 def doubtful_db(lost_db: _Floats) -> _Floats:
-    """Additional loss for an error of 1.
+    """Additional loss if the relative error is 1 [dB].
 
     Near grazing, some metres of height change a loss by up to 6 dB (P.526-15, equation 31).
     """
@@ -30,16 +31,16 @@ def doubtful_db(lost_db: _Floats) -> _Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LossError:
-    """Normal distribution of the error for each place, given that the tag is there."""
+    """Normal distribution of the losses' relative error, if the tag is at each place."""
 
     mean: _Floats
     variance: _Floats
     with_level_db: _Floats
-    """Covariance with the tag's strength."""
+    """Covariance of the error with the tag's strength [dB]."""
 
     @classmethod
     def unlearnt(cls, shape: tuple[int, ...] | int) -> "LossError":
-        """Prior error, before any pulse."""
+        """Distribution of the error before any pulse."""
         return cls(
             mean=np.full(shape, LOSS.mean, np.float32),
             variance=np.full(shape, LOSS.sigma**2, np.float32),
@@ -48,19 +49,19 @@ class LossError:
 
     @classmethod
     def of_columns(cls, columns: _Floats) -> "LossError | None":
-        """From (n, 3) columns; None from (n, 0), where there is no map."""
+        """Convert (n, 3) columns; None from (n, 0), where there is no map."""
         if not columns.shape[1]:
             return None
         return cls(mean=columns[:, 0], variance=columns[:, 1], with_level_db=columns[:, 2])
 
     def columns(self) -> NDArray[np.float32]:
-        """(n, 3)"""
+        """(n, 3) columns: mean, variance, covariance with the tag's strength."""
         return np.stack((self.mean, self.variance, self.with_level_db), axis=1)
 
     def after(
         self, was_m: tuple[float, float] | None, now_m: tuple[float, float]
     ) -> "LossError":
-        """The same from another place of the drone, with a partly new error."""
+        """Distribution after a movement of the drone, by which the error changes partly."""
         if was_m is None or was_m == now_m:
             return self
         kept = float(
@@ -73,9 +74,9 @@ class LossError:
         )
 
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
-        """The same after a pulse; see `LevelBelief.update`.
+        """Distribution after a pulse; see `LevelBelief.update`.
 
-        `doubtful`: additional loss [dB] for an error of 1.
+        `doubtful`: additional loss [dB] if the error is 1.
         `moved`: deviation of the level [dB], over its variance.
         `shrunk`: reduction of that variance, over its square.
         """

@@ -1,8 +1,8 @@
 """Path of a moving animal, from the bearings or powers of a whole flight.
 
-A particle tracker follows it. Each remaining hypothesis holds its whole past, so that all
-places use all of the flight. Few of them differ in the distant past, so one tracker runs
-forwards and one backwards, and each gives the half of the flight that it processed last.
+A particle tracker follows it. Each remaining hypothesis keeps its path, so that all places use
+all of the flight. In the distant past few different paths remain. So one tracker runs forwards
+and one backwards, and each gives the half of the flight that it processed last.
 """
 
 import math
@@ -31,10 +31,10 @@ _Floats = NDArray[np.float64]
 def way_by_bearings(
     stations: Stations, plane: TangentPlane, around: Area, *, heading_sigma_deg: float
 ) -> tuple[TrackPoint, ...]:
-    """Follow a tag from bearing to bearing.
+    """Path of a tag through the bearings of a flight.
 
     `around`: the tag's approximate place during the flight.
-    `heading_sigma_deg`: error of the headings, taken as each bearing's own.
+    `heading_sigma_deg`: error of the headings, treated as independent for each bearing.
     Raises `UsageError`: times are not known, or fewer than three.
     """
     times = _checked(stations.time_s, "bearings")
@@ -59,12 +59,12 @@ def way_by_powers(
     fading_db: float,
     hills: HillLosses | None = None,
 ) -> tuple[TrackPoint, ...]:
-    """Follow a tag from pulse to pulse, missed ones included.
+    """Path of a tag through the pulses of a flight, missed ones included.
 
-    `ends`: approximate east and north of the tag at first and at last, around which hypotheses
-    start; there are too few to start anywhere.
-    `fading_db`: of the pulses; greater where neighbours are correlated.
-    `hills`: the ground in that plane; None is level.
+    `ends`: approximate east and north of the tag at the start and at the end. Hypotheses begin
+        around these; there are too few to begin anywhere.
+    `fading_db`: fading of single pulses, increased where neighbours are correlated.
+    `hills`: ground model in the local plane; None is level ground.
     Raises `UsageError`: times are not known, or fewer than three.
     """
     times = _checked(powers.time_s, "pulses")
@@ -125,7 +125,7 @@ def _around(place: tuple[float, float], half_m: float) -> Area:
 
 
 def _posteriors(stations: Stations) -> _Floats:
-    """(n, steps) probability of directions; unknown errors are a mixture of all."""
+    """(n, steps) probability of each direction; an unknown error is a mixture of several."""
     if stations.posterior is not None:
         return stations.posterior
     if stations.sigma_deg is not None:
@@ -151,7 +151,7 @@ def _both_ways(
     plane: TangentPlane,
     origin_ns: int,
 ) -> tuple[TrackPoint, ...]:
-    """Track forwards and backwards; each time uses all data."""
+    """Path from a tracker that runs forwards and one that runs backwards in time."""
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
     backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)[::-1]
@@ -176,7 +176,7 @@ def _both_ways(
 
 
 def _point_times(times: _Floats) -> list[float]:
-    """Times of the path's points: first and last, and about each step between."""
+    """Times of the path's points: the first, the last, and about each step between [s]."""
     ordered = np.sort(times)
     step = max(TRACK.point_step_s, float(np.ptp(times)) / TRACK.most_points)
     points_s = [float(ordered[0])]
@@ -196,7 +196,7 @@ def _trail(
     points_s: list[float],
     take: Callable[[ParticleTracker, int], None],
 ) -> list[TrackEstimate | None]:
-    """Process all data in order of time, and remember the path's points."""
+    """Estimates at the path's points by one tracker over all data in order of time."""
     tracker = ParticleTracker(prior, np.random.default_rng(0), particles=TRACK.particles)
     waiting = list(points_s)
     for number in np.argsort(times, kind="stable"):

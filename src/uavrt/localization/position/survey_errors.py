@@ -1,10 +1,9 @@
 """Errors common to all powers of a survey: a wrong height, pulses of other senders.
 
 A wrong height (terrain, a tag on a tree, a take-off on a hill) changes the place of the minimum
-and the slope of the strength; several heights are weighed against each other, with the place.
-Pulses of other senders have any strength: a robust fit (Student's law, iteratively reweighted)
-finds the approximate place, and pulses far outside the others' scatter there are left out, and
-counted.
+and the slope of the strength; several heights are compared together with the place. Pulses of
+other senders have any strength. A robust fit (Student's law, iteratively reweighted) finds the
+approximate place. Pulses far outside the others' scatter there are left out and counted.
 """
 
 from collections.abc import Sequence
@@ -31,8 +30,8 @@ class SurveyEvidence:
     """Log-likelihood of places, given powers along a track of uncertain height.
 
     `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: heights as reported, powers, antenna.
-    `over_hills`: losses behind hills; None is level.
+    `track`: reported heights, powers, antenna.
+    `over_hills`: losses behind hills; None is level ground.
     """
 
     def __init__(
@@ -48,9 +47,9 @@ class SurveyEvidence:
         self._east_m, self._north_m, self._track = east_m, north_m, track
         self._propagation, self._height_sigma_m = propagation, height_sigma_m
         self.kept = np.ones(len(track.snr_db), bool)
-        """(n,) pulses that are not attributed to other senders."""
+        """(n,) True for pulses that are not attributed to other senders."""
         self.height_shift_m = 0.0
-        """Mean over the weighed heights."""
+        """Estimated error of the height above the tag [m]."""
         self.height_right_probability = 1.0
         """Probability that the height is wrong by less than 10 m."""
         self._correlation = 0.0
@@ -75,7 +74,7 @@ class SurveyEvidence:
             )
             for kept in readings
         ]
-        """Evidences of the heights for each choice of used pulses, and its prior."""
+        """For each set of the tag's own pulses, evidences of the heights and log-prior."""
 
     @property
     def foreign(self) -> int:
@@ -83,7 +82,7 @@ class SurveyEvidence:
         return int(np.sum(~self.kept))
 
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
-        """Fit level and exponent at each of some places (places,)."""
+        """Fit level and exponent at each of the places (places,)."""
         if self._over_hills is None:
             return _over_readings(
                 [
@@ -126,13 +125,13 @@ class SurveyEvidence:
         )
 
     def _lasting(self) -> float:
-        """Correlation of neighbouring pulses' fading, where pulses were missed."""
+        """Correlation of neighbouring pulses' fading, for missed pulses or hills."""
         axes = reversed(self._coarsely(SURVEY.coarse_cells))
         north, east = (one.ravel() for one in np.meshgrid(*axes))
         return self._evidence(0.0).correlation_at_best(east, north)
 
     def _coarsely(self, count: int) -> tuple[_Floats, _Floats]:
-        """East and north of a coarse grid over the survey."""
+        """East and north coordinates of a coarse grid over the survey [m]."""
         margin_m = SURVEY.margin_m
         east, north = (
             np.linspace(float(axis.min()) - margin_m, float(axis.max()) + margin_m, count)
@@ -141,14 +140,14 @@ class SurveyEvidence:
         return east, north
 
     def _shifts(self) -> tuple[float, ...]:
-        """Heights to weigh, all above the ground."""
+        """Candidate errors of the height that leave the drone above the ground [m]."""
         if self._height_sigma_m <= 0.0:
             return (0.0,)
         lowest = float(np.median(self._track.height_m)) - SURVEY.least_height_m
         return tuple(one for one in SURVEY.shifts_m if one > -lowest)
 
     def _roughly(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Place, its search radius, and height shift of the best robust fit."""
+        """Place, search radius [m] and height error [m] of the best robust fit."""
         some = np.zeros(len(heard), bool)
         pulses = np.flatnonzero(heard)
         some[pulses[:: -(-len(pulses) // SURVEY.rough_pulses)]] = True
@@ -180,7 +179,7 @@ class SurveyEvidence:
     def _robust(
         self, east_m: _Floats, north_m: _Floats, heard: NDArray[np.bool_], shift_m: float
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Residuals (places, heard), their scale (places,), and Student's score (places,)."""
+        """Robust fit: residuals (places, received), scale (places,), log-likelihood."""
         evidence = self._evidence(shift_m)
         loss, gain = evidence.propagation(east_m, north_m, np.flatnonzero(heard[self.kept]))
         z = self._track.snr_db[heard & self.kept] - gain
@@ -263,7 +262,7 @@ class SurveyEvidence:
         return readings or [np.ones(len(heard), bool)]
 
     def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
-        """Distribution of the height error, and three heights that represent it."""
+        """Estimate the height error; returns three heights for its distribution [m]."""
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
         mean = float(weight @ shifts)
@@ -282,21 +281,20 @@ class SurveyEvidence:
         return np.asarray(nodes)
 
     def _weights(self, shifts_m: _Floats, place: tuple[float, float], step_m: float) -> _Floats:
-        """(shifts,) probability of each, over the places around one."""
+        """(shifts,) probability of each height error, over places around one."""
         off = np.linspace(-1.5 * step_m, 1.5 * step_m, SURVEY.fine_cells)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
         each = [self._evidence(float(shift)) for shift in shifts_m]
         fits = fit_each(each, east, north)
         score = np.array([np.logaddexp.reduce(one.log_likelihood) for one in fits])
-        score += _log_prior_of_height(shifts_m, self._height_sigma_m) + np.log(
-            np.gradient(shifts_m)
-        )
+        prior = _log_prior_of_height(shifts_m, self._height_sigma_m)
+        score += prior + np.log(np.gradient(shifts_m))
         weight = np.exp(score - score.max())
         return np.asarray(weight / weight.sum())
 
 
 def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
-    """Cautions on a survey's powers."""
+    """Cautions for the operator on a survey's heights and foreign pulses."""
     found = []
     if evidence.height_right_probability < 0.1:
         text = (
@@ -322,12 +320,12 @@ def _log_prior_of_height(shifts_m: _Floats, sigma_m: float) -> _Floats:
 
 
 def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
-    """Log-prior of a choice of used pulses (n,); the others are of any strength."""
+    """Log-prior of a set of the tag's own pulses (n,); the others have any strength."""
     return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from their neighbours' estimate, (places, n), and its usual size.
+    """Deviation of pulses from neighbours' estimate (places, n), and its standard deviation.
 
     Correlated fading makes neighbours similar, so a pulse may be an outlier among them that is
     usual elsewhere. The similarity is measured by medians, which one outlier does not move.
@@ -348,7 +346,7 @@ def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
-    """Sum the likelihood over choices of used pulses; level and exponent of the best."""
+    """Sum the likelihood over sets of the tag's own pulses; level and exponent of the best."""
     if len(fits) == 1:
         return fits[0][0]
     score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
@@ -356,7 +354,7 @@ def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
 
 
 def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floats) -> PowerFit:
-    """Level and exponent of the fit with the best score (fits, places) at each place."""
+    """Level and exponent at each place, by the fit with the best score (fits, places)."""
     best = np.argmax(score, axis=0)[None]
     return PowerFit(
         log_likelihood=log_likelihood,
@@ -366,9 +364,9 @@ def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floa
 
 
 def _over_heights(score: _Floats) -> _Floats:
-    """(places,) logarithm of the integral over three heights (3, places), one step apart.
+    """(places,) logarithm of the integral over three evenly spaced heights (3, places).
 
-    The score's parabola for each place also finds heights between the three.
+    A parabola through the three, for each place, also finds heights between them.
     """
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), SURVEY.least_bend)

@@ -1,8 +1,8 @@
 """Compare a resting tag with one of constant velocity for a power survey.
 
-A tag moving past a drone is equivalent to the drone moving past a tag: the same likelihood
-applies, with each place of the drone shifted back by the tag's movement. The evidence of both
-is summed over a grid of places and velocities: a coarse one with some of the pulses, and a
+A tag moving past a drone is equivalent to the drone moving past a tag. The same likelihood
+applies, with each position of the drone shifted back by the tag's movement. The evidence of
+both is summed over a grid of places and velocities: a coarse one with some of the pulses, and a
 finer one if the first favours walking.
 """
 
@@ -29,15 +29,15 @@ class SurveyWalk:
 
     probability: float
     velocity_m_s: tuple[float, float]
-    """East and north."""
+    """Velocity towards east and north [m/s]."""
     place: tuple[float, float]
-    """Place in the middle of the flight."""
+    """East and north of the tag in the middle of the flight [m]."""
     fading_db: float
-    """Fading, increased where neighbours are correlated, so that each pulse counts as
-    independent."""
+    """Standard deviation of fading [dB], increased where neighbours are correlated, so that
+    pulses count as independent."""
 
     def at(self, since_s: float) -> tuple[float, float]:
-        """East and north at a time after the middle of the flight."""
+        """East and north of the tag at a time after the middle of the flight [m]."""
         return (
             self.place[0] + self.velocity_m_s[0] * since_s,
             self.place[1] + self.velocity_m_s[1] * since_s,
@@ -45,7 +45,7 @@ class SurveyWalk:
 
     @property
     def caution(self) -> Caution:
-        """Caution for the operator."""
+        """Caution for the operator that the tag walked."""
         speed = float(np.hypot(*self.velocity_m_s))
         towards = float(wrap_degrees_360(np.degrees(np.arctan2(*self.velocity_m_s))))
         return Caution(
@@ -57,12 +57,12 @@ class SurveyWalk:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Moved:
-    """A survey's heard pulses relative to a walking tag."""
+    """Received pulses of a survey, as seen from a walking tag."""
 
     east_m: _Floats
     north_m: _Floats
     since_s: _Floats
-    """(n,) from the middle of the flight."""
+    """(n,) times from the middle of the flight [s]."""
     track: PowerTrack
     propagation: Propagation
 
@@ -128,7 +128,7 @@ def survey_walk(
 
 
 def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWalk:
-    """Integrate both over finer and finer grids, with all pulses."""
+    """Probability of a walk, by integrals around both peaks on finer grids."""
     step = (
         max(around.east_m - around.west_m, around.north_m - around.south_m) / WALK.rough_cells
     )
@@ -146,7 +146,7 @@ def _weighed(moved: _Moved, around: Area, rest: _Peak, walk: _Peak) -> SurveyWal
 
 
 def _closed_in(moved: _Moved, peak: _Peak, step_m: float, step_m_s: float) -> _Peak:
-    """Evidence around a peak, on a grid as narrow as the peak."""
+    """Evidence integrated around a peak, on grids that narrow to its width."""
     for _ in range(WALK.rounds):
         half = (0.5 * WALK.fine_cells - 0.5) * step_m / 2.0
         around = Area(
@@ -172,7 +172,7 @@ def _best(
     cells: int,
     step_m_s: float = 0.0,
 ) -> _Peak:
-    """Best place and velocity; the velocity's prior is in its score."""
+    """Best place and velocity on a grid; the score includes the velocity's prior."""
     east = np.linspace(around.west_m, around.east_m, cells)
     north = np.linspace(around.south_m, around.north_m, cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
@@ -195,7 +195,7 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Scatter of the powers about the fit, as for independent pulses."""
+    """Scatter of the powers about the fit [dB], as if pulses were independent."""
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

@@ -14,23 +14,23 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ways:
-    """Straight paths from the drone's position."""
+    """Straight paths from the drone's position, and whether they may be flown."""
 
     east_m: _Floats
-    """(ways,) end of each."""
+    """(ways,) east coordinate of each end [m]."""
     north_m: _Floats
     refused: list[str | None]
-    """Why each may not be flown; None if it may."""
+    """Reasons why each path may not be flown; None if it may."""
     kept: _Floats
     """(ways,) probability of keeping the distance from the most endangered animal."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """True for the paths that may be flown, (ways,)."""
+        """(ways,) True for the paths that may be flown."""
         return np.array([reason is None for reason in self.refused])
 
     def action(self, number: int) -> FlyTo:
-        """Convert a path to an action."""
+        """Convert the path of this number to an action."""
         return FlyTo(east_m=float(self.east_m[number]), north_m=float(self.north_m[number]))
 
 
@@ -51,8 +51,8 @@ def checked(
 ) -> Ways:
     """Check which paths the area and the distance to animals allow.
 
-    `east_m`, `north_m` (ways,): ends. `stays_s`: time at the end, to which the same limits
-    apply.
+    `east_m`, `north_m` (ways,): ends.
+    `stays_s`: time at the end, to which the same limits apply.
     """
     state = situation.state
     here = (state.east_m, state.north_m)
@@ -101,7 +101,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> Ways:
-    """Stay in place for a cycle."""
+    """Path of no length, at whose end the drone stays for a cycle."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -129,7 +129,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """True if no whole circle fits at the end of a cycle on this path, nor at its end."""
+    """True if no whole circle fits after a cycle on a path, or at its end."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)
@@ -169,7 +169,7 @@ def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: in
 
 
 def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
-    """Select paths by index."""
+    """Paths selected by index."""
     return Legs(
         duration_s=legs.duration_s[numbers],
         time_s=legs.time_s[numbers],
