@@ -89,9 +89,7 @@ class MiRate:
             return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
         exploring = self._explores(situation)
         ways, spans, legs, goals = self._ways(situation, exploring=exploring)
-        if not exploring and (
-            not ways.allowed.any() or any(map(_by_animals_only, ways.refused))
-        ):
+        if not exploring and (not ways.allowed.any() or ways.disturbs.any()):
             # Round an animal, or away from it; past another drone that stays at the tag.
             ways, spans, legs, goals = self._ways(situation, exploring=True)
         return self._best(situation, ways, spans, legs, goals)
@@ -177,6 +175,7 @@ class MiRate:
         strong = ~np.isfinite(spans)
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
+        ways.disturbs[strong] = False
         # At a tag it stays for some pulses: the last metres give most.
         fixed = _RATING.directions * len(horizons)
         staying = np.where(np.flatnonzero(useful) >= fixed, _RATING.stay_s, 0.0)
@@ -221,7 +220,7 @@ class MiRate:
         stays = self._stays(situation)
         if stays is not None:
             return stays
-        inside = np.array([_by_animals(one) for one in ways.refused])
+        inside = ways.allowed | ways.disturbs
         if not inside.any():
             return Decision(
                 action=Hold(duration_s=situation.cycle_s), reason="no path is allowed"
@@ -246,7 +245,7 @@ class MiRate:
             )
         near = 1.0 - float(stay.kept[0])
         if (
-            not _by_animals(stay.refused[0])
+            not stay.disturbs[0]
             or near > _RATING.near_probability
             or not self._turns(situation)
         ):
@@ -332,13 +331,3 @@ def _with_round(
         x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
         seen[near, ways] = True
     return np.asarray(gained / time)
-
-
-def _by_animals(refused: str | None) -> bool:
-    """True for paths that are refused because of animals only."""
-    return refused is None or "animal" in refused
-
-
-def _by_animals_only(refused: str | None) -> bool:
-    """True if a path is refused because of an animal only."""
-    return refused is not None and "animal" in refused

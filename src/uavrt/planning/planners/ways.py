@@ -21,6 +21,8 @@ class Ways:
     north_m: _Floats
     refused: list[str | None]
     """Reasons why each path may not be flown; None if it may."""
+    disturbs: NDArray[np.bool_]
+    """(ways,) True for paths that are refused only because they may come near an animal."""
     kept: _Floats
     """(ways,) probability of keeping the distance from the most endangered animal."""
 
@@ -71,12 +73,12 @@ def checked(
             speed_m_s=situation.vehicle.speed_m_s,
             stays_s=stays_s,
         ).min(axis=0)
+    least = 0.0 if rule is None else rule.probability
+    disturbs = np.array([one is None for one in refused]) & (kept < least)
+    if rule is not None:
         reason = f"within {rule.radius_m * rule.margin:.0f} m of an animal, perhaps"
-        refused = [
-            one or (reason if probability < rule.probability else None)
-            for one, probability in zip(refused, kept, strict=True)
-        ]
-    return Ways(east_m=east_m, north_m=north_m, refused=refused, kept=kept)
+        refused = [reason if near else one for one, near in zip(refused, disturbs, strict=True)]
+    return Ways(east_m=east_m, north_m=north_m, refused=refused, disturbs=disturbs, kept=kept)
 
 
 def _near_others(
