@@ -173,10 +173,7 @@ def sender_of(
 def _inequality(
     over: NDArray[np.float64], weight: NDArray[np.float64], variance: float
 ) -> float:
-    """Chi-square of the energy sums of a burst's pulses, if all are equally strong.
-
-    Energies of pulses of a strength S vary by noise, by 2 S and by a share of S.
-    """
+    """Chi-square of the energy sums of a burst's pulses, if all are equally strong."""
     strength = np.maximum(over.mean(axis=1), 0.0)
     varies = variance + 2.0 * strength + (BURSTS.burst_scatter * strength) ** 2
     sums = weight @ over
@@ -212,10 +209,7 @@ def hidden_with_s(
 
 
 def exponentials(mean: float, pulses: int) -> float:
-    """Number of noise bursts whose largest mean pulse energy has a given mean.
-
-    The largest of m Erlang variables of shape p has the mean of the integral of 1 - F(x)^m.
-    """
+    """Number of noise bursts whose largest mean pulse energy has a given mean."""
     energy = np.arange(0.0, 12.0, 0.01)
     law = special.gammainc(pulses, pulses * energy)
     many = np.geomspace(1.0, 40.0, 400)

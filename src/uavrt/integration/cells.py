@@ -96,7 +96,6 @@ class Cells:
         return sorted(found, key=lambda one: -one.probability)
 
     def _connected(self, inside: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-        """Group cells of a region that touch each other."""
         bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
         away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
         pairs = []
@@ -157,10 +156,7 @@ class Cells:
         """Radii of circles around a place that hold given probabilities [m].
 
         Each cell's probability is spread evenly over its ground, as in `region`; otherwise a
-        single cell would have no radius.
-
-        `east_m`, `north_m`: place, from the middle of the flight.
-        `cells`: cells whose probability counts; None is all.
+        single cell would have no radius. `cells`: cells whose probability counts; None is all.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points
@@ -191,13 +187,11 @@ class Cells:
 
 
 def _runs(bearings_deg: _Floats, step_deg: float) -> list[tuple[float, float]]:
-    """First and last index of each run of consecutive bearings."""
     cuts = np.flatnonzero(np.diff(bearings_deg) > 1.5 * step_deg) + 1
     return [(float(one[0]), float(one[-1])) for one in np.split(bearings_deg, cuts)]
 
 
 def _area(range_m: _Floats, width_deg: _Floats, ratio: _Floats) -> _Floats:
-    """Relative area of cells whose depth is a ratio of distances."""
     return np.asarray(range_m**2 * width_deg * np.sinh(np.log(ratio)))
 
 
@@ -229,10 +223,7 @@ class LikelyGround:
         return np.asarray(held / held.sum())
 
     def to_part(self) -> NDArray[np.intp]:
-        """Cells to divide: those that hold nearly all probability, and the likeliest.
-
-        Only wide cells in which the likelihood varies are divided.
-        """
+        """Cells to divide: wide, uneven, and likely ones."""
         probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
         count = int(np.searchsorted(np.cumsum(probability[order]), PLACE.kept)) + 1

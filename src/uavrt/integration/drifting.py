@@ -115,7 +115,6 @@ def search_drifting(
 
 
 def _coarse(energies: SlotEnergies) -> SlotEnergies:
-    """Slots of double length, each with the larger energy of its two slots."""
     count = len(energies.heard) // 2
     pairs = energies.energy[:, : 2 * count].reshape(len(energies.energy), count, 2)
     heard = np.asarray(energies.heard[: 2 * count].reshape(count, 2).all(axis=1))
@@ -129,7 +128,6 @@ def _coarse(energies: SlotEnergies) -> SlotEnergies:
 
 
 def _few_places(weights: Weights, coarse: SlotEnergies) -> Weights:
-    """First few patterns, and places that represent the others in these."""
     basis = weights.basis[: SEARCH.drift_patterns, : 2 * len(coarse.heard) : 2].copy()
     basis[:, ~coarse.heard] = 0.0
     mixing = weights.mixing[:, : SEARCH.drift_patterns].astype(np.float64)

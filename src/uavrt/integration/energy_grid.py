@@ -41,8 +41,7 @@ class SlotEnergies:
     left_out: int
     """Number of columns left out because they were too loud."""
     level: NDArray[np.float32]
-    """(frequencies, slots) largest power over noise, loud pulses included; 0 without
-    samples."""
+    """(frequencies, slots) largest power over noise, loud pulses included, or 0."""
     loud: NDArray[np.bool_]
     """(frequencies, slots) True for a pulse loud enough to be detected alone."""
     listened: NDArray[np.bool_]
@@ -78,10 +77,7 @@ class SlotEnergies:
         )
 
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(slots,) True for slots with an energy that are not near the given times.
-
-        `time_s` (n,): times from `start_ns`.
-        """
+        """(slots,) True for slots with an energy not near times (n,) from `start_ns`."""
         return self.heard & self._beyond(time_s)
 
     def _beyond(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -93,10 +89,7 @@ class SlotEnergies:
         return ~gone
 
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
-        """Copy without energies near the given times.
-
-        `time_s` (n,): times from `start_ns`.
-        """
+        """Copy without energies near given times (n,) from `start_ns`."""
         return self.where(self._beyond(time_s))
 
     def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
@@ -142,7 +135,6 @@ def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
 def _joined_singles(
     parts: Sequence[SlotEnergies], first: int = 0, end: int | None = None
 ) -> SinglePulses | None:
-    """Join the single-pulse energies of consecutive parts, all slots or chosen ones."""
     known = [one.single for one in parts if one.single is not None]
     if not known:
         return None
@@ -346,14 +338,12 @@ def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
 def _zeros_around(
     samples: NDArray[np.complex64], first: int, end: int
 ) -> NDArray[np.complex64]:
-    """Samples between two numbers; zeros before the first sample and after the last one."""
     before, after = max(0, -first), max(0, end - max(first, len(samples)))
     part = samples[max(first, 0) : max(end, 0)]
     return np.pad(part, (before, after)) if before or after else part
 
 
 def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArray[np.float32]:
-    """Largest value of the columns within `reach` of each wanted column."""
     tops = sliding_maximum(np.ascontiguousarray(power.T), reach).T if reach else power
     return np.ascontiguousarray(tops[:, at])
 
@@ -361,10 +351,7 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 def _channel_columns(
     samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Largest sample over noise in each column, and True where the whole channel is loud.
-
-    Stretches are processed one by one: sums over a whole flight take longer, by new memory.
-    """
+    """Largest sample over noise in each column, and True where the whole channel is loud."""
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(ENERGY.level_s * sample_rate_hz / hop))
     beyond = -(-window // hop)
@@ -397,7 +384,6 @@ def _channel_columns(
 def _whole_windows(
     there: NDArray[np.bool_], hop: int, window: int, columns: int
 ) -> NDArray[np.bool_]:
-    """True for columns whose window has all samples."""
     whole = np.ones(columns, bool)
     whole[max(0, (len(there) - window) // hop + 1) :] = False
     missing = np.flatnonzero(~there)
@@ -435,7 +421,6 @@ def _standardise(
 
 
 def _stretches(count: int, length: int) -> list[slice]:
-    """Divide a range into stretches of similar length; a short remainder joins the last one."""
     first = range(0, max(count - length // 2, 1), length)
     return [slice(low, min(low + length, count)) for low in first[:-1]] + [
         slice(first[-1], count)
@@ -443,7 +428,6 @@ def _stretches(count: int, length: int) -> list[slice]:
 
 
 def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """True for flagged elements and for their neighbours on both sides."""
     counts = np.concatenate(([0], np.cumsum(flags)))
     at = np.arange(len(flags))
     low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, len(flags))
@@ -453,11 +437,7 @@ def _spread(flags: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 def _centred(
     energy: NDArray[np.float32], good: NDArray[np.bool_], length: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
-    """Shift each stretch of a row to mean 0, and scale each row to variance 1.
-
-    A wrong level for a stretch would raise all its slots, and the sums of places whose pulses
-    were strong in it. Slots without samples become 0.
-    """
+    """Shift each stretch of a row to mean 0, and scale each row to variance 1."""
     result = np.zeros_like(energy)
     rows = len(energy)
     if not good.any():

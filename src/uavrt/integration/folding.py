@@ -44,7 +44,6 @@ def fold(
 def _fold_numpy(
     values: NDArray[np.float32], period: int, first: int, end: int
 ) -> NDArray[np.float32]:
-    """Fold with NumPy, level by level."""
     many, slots = values.shape
     rows = fold_rows(slots, period)
     now = np.zeros((rows, 1, period, many), np.float32)
@@ -93,11 +92,7 @@ def highest(
 
 
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
-    """Slots whose sum is one cell of a fold.
-
-    `slots`: number of folded slots.
-    `period`, `row`, `phase`: base period [slots], row of the fold and phase [slots].
-    """
+    """Slots whose sum is the cell of a fold at a row and phase; `slots` were folded."""
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1
     number = np.arange(rows)

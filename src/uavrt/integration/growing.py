@@ -65,8 +65,8 @@ class GrowingEnergies:
     ) -> int:
         """Measure the blocks that are complete now; returns their number.
 
-        `samples`, `there`, `start_ns`: from `gather`, beginning at or before `needed_from_ns`;
-            samples missing before the first count as gaps.
+        The samples are from `gather`, beginning at or before `needed_from_ns`; samples missing
+        before the first count as gaps.
         """
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)

@@ -20,9 +20,8 @@ from uavrt.integration.whole_flight import FoldedTrain
 
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
-"""Amplitudes of pulses in the tables, in units of the noise, up to 27 dB. A stronger pulse and
-its expected strength are both reduced by the same decibels: noise moves it by less than 0.3
-dB."""
+"""Amplitudes in the tables, in units of the noise, up to 27 dB. Stronger pulses are reduced
+with their expected strength, since noise moves them by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
 """Expected strengths of pulses in the tables, energy over noise [dB]."""
 
@@ -47,7 +46,6 @@ def train_pulses(
     """Refine a train between the cells of the search, and return its slots' energies.
 
     `gain` (times,): energy of a pulse from its place, relative to the strongest.
-    `gain_time_s` (times,): times of these gains.
     """
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
@@ -149,10 +147,7 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
 
 
 def looked_up(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
-    """Columns of `likelihood_table` for given energies, and their excess over it [dB].
-
-    The expected strength must be reduced by the same excess.
-    """
+    """Columns of `likelihood_table` for energies, and how far these exceed it [dB]."""
     amplitude = np.sqrt(np.maximum(energy, 0.0))
     beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
     column = np.rint(np.minimum(amplitude, AMPLITUDES[-1]) / AMPLITUDES[1])

@@ -39,8 +39,7 @@ class OtherTrain:
     drift: float
     loud: bool
     ratio: tuple[int, int] | None
-    """Ratio of its interval to the tag's, as two small numbers. Their times alone cannot
-    distinguish the two trains."""
+    """Ratio of its interval to the tag's; the times cannot distinguish the two trains."""
     other_code: bool = False
     """True if its bursts lack pulses of the tag's code."""
 
@@ -71,10 +70,8 @@ def judge(
 ) -> Judgement:
     """Search a tag, and again without each train that explains the found one better.
 
-    `gain` (places, times): energy of a pulse relative to each place's strongest.
-    `gain_time_s` (times,): times of these gains.
-    `false_alarm_probability`: for one flight and tag.
-    `most_drift`: largest relative change of the interval over the flight.
+    `gain` (places, times): energy of a pulse relative to each place's strongest. `most_drift`:
+        largest relative change of the interval over the flight.
     """
     others: list[OtherTrain] = []
     while True:
@@ -103,7 +100,6 @@ def judge(
 
 
 def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sender:
-    """Sender of a train of bursts; None for a tag without a code."""
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
     at = np.clip(np.floor(time_s / energies.slot_s).astype(np.intp), 0, len(energies.heard) - 1)
@@ -117,7 +113,6 @@ def _sender(energies: SlotEnergies, weights: Weights, train: FoldedTrain) -> Sen
 
 
 def _without_code(energies: SlotEnergies, train: FoldedTrain, sender: Sender) -> SlotEnergies:
-    """Remove all bursts that contain a pulse of a sender with another code."""
     assert energies.single is not None
     span_s = len(energies.heard) * energies.slot_s
     time_s = train_times_s(train.phase_s, train.interval_s, train.drift, span_s)
@@ -178,7 +173,6 @@ def better_elsewhere(
 def _elsewhere(
     energies: SlotEnergies, train: FoldedTrain, tag: Tag
 ) -> list[tuple[float, float]]:
-    """Ranges of intervals that the tag list does not allow [s]."""
     cell_s = energies.slot_s * train.interval_s / max(float(energies.time_s[-1]), 1e-9)
     shortest = max(SEARCH.shortest_ratio * train.interval_s, 8.0 * energies.slot_s)
     edges = [shortest]

@@ -37,8 +37,7 @@ class Places:
     gain: _Floats
     """(places, times) energy of a pulse relative to each place's strongest."""
     strongest_db: _Floats
-    """(places,) level of the strongest pulse from each place [dB], from a reference common to
-    all flights."""
+    """(places,) level of the strongest pulse [dB], from a reference common to all flights."""
     track: "Track"
 
     @property
@@ -192,9 +191,8 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(
     weights: _Floats, alike_from: float = SEARCH.same_place_correlation
 ) -> NDArray[np.intp]:
-    """Choose places whose weights represent all other places.
+    """Choose places whose weights (places, times) represent all other places.
 
-    `weights`: shape (places, times).
     `alike_from`: correlation from which one place represents another.
     """
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
@@ -210,7 +208,6 @@ def distinct(
 
 
 def _nearest(known: _Floats, wanted: _Floats) -> NDArray[np.intp]:
-    """Index of the nearest element of rising times, for each time."""
     after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
     earlier = wanted - known[after - 1] <= known[after] - wanted
     return np.asarray(after - earlier)

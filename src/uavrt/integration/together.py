@@ -70,7 +70,6 @@ class _Search:
     weights: Sequence[Weights]
     between_s: tuple[float, float]
     half_s: float
-    """Half-width of a range of intervals [s]."""
     halves: int
     rate: int
 
@@ -144,7 +143,6 @@ def search_together(
 def _weights(
     flights: Sequence[Listened], tag: Tag, *, moves: bool
 ) -> tuple[list[Weights], list[int]]:
-    """Weights of each flight, and the number of patterns from which they were made."""
     interval_s = tag.pulse_intervals_s[0]
     each = [pulse_weights(one.gain) for one in flights]
     if moves:

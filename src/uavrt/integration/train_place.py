@@ -22,9 +22,8 @@ _Floats = NDArray[np.float64]
 _EXPONENT_SHARES = np.diff(
     special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - SEARCH.exponent) / 0.7)
 )
-"""Prior probability of each path loss exponent, from the law of `level_evidence.Propagation`.
-The quarter below free space counts as free space: without it, tags in line of sight seem
-farther away."""
+"""Prior probability of each path loss exponent, by `level_evidence.Propagation`. The quarter
+below free space counts as free space, for tags in line of sight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,11 +82,7 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 
 
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
-    """Reading whose fading has the most evidence over the likely places.
-
-    `readings`: by fading. The usual one, the first, is chosen unless another is clearly
-        likelier.
-    """
+    """Reading with the most evidence over the likely places; the usual one in doubt."""
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[: PLACE.fading_cells]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
@@ -124,7 +119,6 @@ class _Reading:
     fading_db: float
     tables: tuple[_Floats, ...]
     levels_db: _Floats
-    """Examined levels of the strongest pulse [dB]."""
 
     @classmethod
     def of(
@@ -139,7 +133,6 @@ class _Reading:
 
 
 def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
-    """Levels of the strongest pulse to examine, for given energies [dB]."""
     top_db = 10.0 * np.log10(
         max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
     )
@@ -149,8 +142,7 @@ def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
 def tag_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     """Probability that a flight's train is the tag's and not chance.
 
-    `gain` (places, times): on the scale of all flights.
-    `place`: posterior by all flights, this one included.
+    `gain` (places, times): on the scale of all flights, as is the posterior `place`.
     """
     if one.log_trains is None:
         return 1.0
@@ -179,11 +171,7 @@ def _all_logs(
     falls: bool,
     tempered: bool = True,
 ) -> _Floats:
-    """Log likelihood ratio and posterior of exponent, place and level, over all flights.
-
-    Without `falls` there is one exponent, as several cannot be distinguished. Tempering allows
-    for errors that the pulses share.
-    """
+    """Log likelihood ratio and posterior of exponent, place and level, over all flights."""
     heard = reading.heard
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     if not falls:
@@ -203,14 +191,7 @@ def _all_logs(
 
 
 def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
-    """Logarithm of the likelihood averaged over levels, and the mean level [dB].
-
-    A loud tag's level is known to a fraction of the step between levels, so a spline
-    interpolates.
-
-    `logs`: shape (falls, places, levels).
-    `levels_db`: shape (levels,).
-    """
+    """Logarithm of the likelihood (falls, places) averaged over levels, and mean level [dB]."""
     fine = np.linspace(
         levels_db[0], levels_db[-1], PLACE.level_parts * (len(levels_db) - 1) + 1
     )
@@ -223,12 +204,10 @@ def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
-    """(places, 1) strongest gain of each place over all flights."""
     return np.asarray(np.max([one.max(axis=1) for one in gains_db], axis=0))[:, np.newaxis]
 
 
 def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) -> _Floats:
-    """Log likelihood ratio of each place and level, summed over all flights."""
     heard, levels_db = reading.heard, reading.levels_db
     logs = np.zeros((len(gains_db[0]), len(levels_db)))
     for one, gain_db, table in zip(heard, gains_db, reading.tables, strict=True):
@@ -250,13 +229,11 @@ def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) 
 
 
 def _gain_db(one: HeardTrain, gain: _Floats) -> _Floats:
-    """(places, pulses) antenna gain and range term of each pulse [dB]."""
     at_s, time_s = one.pulses.time_s, one.places.time_s
     return 10.0 * np.log10(np.stack([np.interp(at_s, time_s, row) for row in gain]) + 1e-9)
 
 
 def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
-    """(places, pulses) path length from each place in decibels."""
     time_s = one.places.time_s
     part = np.interp(one.pulses.time_s, time_s, np.arange(len(time_s)).astype(np.float64))
     return one.places.track.away_db(east_m, north_m, part)
@@ -265,11 +242,7 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 def _logs(
     one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
-    """Log likelihood ratio of each place and level; levels are whole steps apart.
-
-    Each pulse counts by a share. For a tag with several rates, a silent slot may mean another
-    rate and has no information on the place.
-    """
+    """Log likelihood ratio of each place and level; levels are whole steps apart."""
     column, beyond_db = looked_up(one.pulses.energy)
     chosen = table[:, column].T.astype(np.float32)
     chosen *= np.float32(counted)
@@ -359,7 +332,6 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
 def _gains_anywhere(
     heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]
 ) -> list[_Floats]:
-    """Gains, as by `common_gains`, of places that differ from the flights' own places."""
     each_db = [one.places.track.gain_db(*east_north_m) for one in heard]
     strongest_db = np.max([gain_db.max(axis=1) for gain_db in each_db], axis=0)
     return [10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0) for gain_db in each_db]

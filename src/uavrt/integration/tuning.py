@@ -21,8 +21,7 @@ class EnergyTuning:
     loud_power: float = 20.0
     """Power over noise of a loud window; noise reaches it once in 5e8 windows."""
     wide_sigmas: float = 8.0
-    """Energy of a window over the whole channel that shows a loud signal outside the search
-    [standard deviations]."""
+    """Energy over the channel that shows a loud signal elsewhere [standard deviations]."""
     crest: float = 3.0
     """Largest sample of a window over the mean power, up to which a loud signal is no impulse.
     A pulse of N samples has 1/N of its power in one sample, an impulse N times as much."""
@@ -60,16 +59,14 @@ class SearchTuning:
     kept_variance: float = 0.995
     """Share of the weights' variance in the folded patterns: 0.01 dB are lost."""
     few_patterns: int = 8
-    """Number of patterns up to which all places are folded at once, as for a drone that turns
-    in place."""
+    """Number of patterns up to which all places are folded at once."""
     # Variance and correlation for the patterns and places that choose cells to examine in full:
     # three times fewer of both. A train of 7 standard deviations has 5.6 there at worst.
     coarse_variance: float = 0.90
     coarse_correlation: float = 0.85
     examined_cells: int = 400
-    """Number of cells examined in full, of tens of thousands that are each the best of a place,
-    frequency and period. In twenty minutes of noise the last has 5.0 to 5.4 standard
-    deviations."""
+    """Number of cells examined in full, the best of tens of thousands. In twenty minutes of
+    noise the last has 5.0 to 5.4 standard deviations."""
     side_by_side: int = 48
     """Number of sums folded at once, of frequencies times patterns: 60 MB. An addition takes
     0.8 ns with NumPy on the reference computer, and 1.9 ns with 12 sums."""
@@ -94,9 +91,8 @@ class SearchTuning:
     """Shift of the flight's middle between two searched drifts [slots]. A train halfway between
     is shifted by a quarter of it, less than a double slot. A step of 4 would gain 0.05 dB."""
     drift_independent_slots: float = 5.0
-    """Shift between two drifts that count as independent hypotheses [slots]. With 2 slots,
-    where trains begin to differ, 400 flights of noise had .44 of the nominal false alarms of 1
-    %; with 5, .93."""
+    """Shift between two drifts that count as independent [slots]. 400 flights of noise had .93
+    of the nominal false alarms of 1 %; with 2 slots, .44."""
     drift_patterns: int = 3
     drift_correlation: float = 0.9
     drift_cells: int = 120
@@ -121,11 +117,9 @@ class SearchTuning:
     least_cells: float = 2.0
     rows_beside: int = 1
     stretch_hypotheses: float = 8.6
-    """Number of independent hypotheses in each flight for each cell of a range of intervals,
-    from noise flights, 1 to 6 together."""
+    """Number of independent hypotheses for each flight and cell of a range of intervals."""
     place_hypotheses: float = 1.35
-    """Number of independent hypotheses for each pattern in each flight, for a tag that
-    moves."""
+    """Number of independent hypotheses for each pattern and flight, if the tag moves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,9 +157,8 @@ class PlaceTuning:
     """Variance of a level due to noise up to which the share `counted` holds [dB²]."""
 
     fadings_db: tuple[float, ...] = (1.0, 2.0, 3.0, 4.5)
-    """Candidate standard deviations of single pulses by tilt, bodies and reflections [dB]; the
-    first is the usual one. With 1 dB for all, tags 10 to 200 m away that fade by 2 dB or more
-    were outside their regions."""
+    """Candidate standard deviations of single pulses [dB]; the first is the usual one. With 1
+    dB for all, tags within 200 m that fade more were outside their regions."""
     more_fading_log: float = 10.0
     """Log evidence needed for a larger fading than the usual one."""
     loud_energy: float = 30.0
@@ -178,12 +171,10 @@ class PlaceTuning:
     odd_fading_db: float = 6.0
     least_log: float = -30.0
     loud_factor: float = 6.0
-    """Factor by which a loud pulse's ln E counts, E its energy: 18 in all at the loud limit, 41
-    at 30 dB."""
+    """Factor on ln E of a loud pulse's energy E in its likelihood: 18 to 41 in all."""
     windows: tuple[float, float] = (0.8, 0.6)
-    """Shares of a pulse's energy in its two best windows; start and frequency lie between two.
-    With all energy in one window, pulses near the noise seemed too strong, and a passed tag
-    farther away."""
+    """Shares of a pulse's energy in its two best windows. With all energy in one, a passed tag
+    seemed farther away."""
     least_quiet: int = 200
     """Least number of slots without pulses from which the noise is estimated."""
 
@@ -198,11 +189,9 @@ class PlaceTuning:
     even_log: float = 2.0
     finest_m: float = 3.0
     density_power: int = 8
-    """Power of the posterior whose mean is the likeliest place; for a normal law it is the same
-    mean."""
+    """Power of the posterior whose mean is the likeliest place."""
     alone: float = 0.9
-    """Probability of one part from which its middle is the place; otherwise the middle of all
-    is."""
+    """Probability of one part from which its middle is the place, not that of all."""
     points: int = 7
     """Number of points along each side of a cell over which its probability is spread."""
     kept: float = 0.998
@@ -212,8 +201,7 @@ class PlaceTuning:
     stray_share: float = 1e-2
     """Share of slots with a pulse of another rate by chance: two slots of an interval."""
     log_slots: int = 8
-    """Number of slots whose product cannot overflow: each inverse likelihood ratio is at most
-    e^30."""
+    """Number of slots whose inverse likelihood ratios, each up to e^30, are multiplied."""
     noise_share: float = 0.05
     """Share of noise slots whose energy is high enough for a pulse."""
 
@@ -223,8 +211,7 @@ class BurstTuning:
     """Recognition of a coded tag's bursts in a train."""
 
     stretches: tuple[float, ...] = (0.0, -0.67, 0.67)
-    """Tried stretches of a code's gaps, as shares of their tolerance: a crystal stretches all
-    alike."""
+    """Tried stretches of a code's gaps, as shares of their tolerance."""
     loud_pulses: int = 2
     """Number of a burst's pulses that must be loud for the burst to count as loud."""
     most_energy: float = 40.0

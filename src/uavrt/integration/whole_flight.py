@@ -69,15 +69,13 @@ class Weights:
     mixing: NDArray[np.float32]
     """(places, patterns) coefficients of the patterns for each place."""
     deviation: _Floats
-    """(frequencies, places) standard deviation of a sum over pulses in the flight's own
-    noise."""
+    """(frequencies, places) standard deviation of a sum over pulses in noise."""
     skewness: _Floats
     """(frequencies, places) skewness of such a sum."""
     interval_s: float
     """Interval for which deviation and skewness hold [s]; longer ones have fewer pulses."""
     spread: float = 1.0
-    """Duration with much weight as a share of the flight, averaged over the places. It is the
-    share of a fold's intervals that differ for a place."""
+    """Duration with much weight as a share of the flight, averaged over places."""
 
     @classmethod
     def of(
@@ -88,9 +86,6 @@ class Weights:
         One pulse in each interval, at a random phase, puts as many into every slot on average.
         The sum's cumulants are therefore those of the slots' weighted energies, times that
         number. Hum, tones and changing levels are included.
-
-        `basis`: shape (patterns, slots).
-        `mixing`: shape (places, patterns).
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
@@ -180,7 +175,6 @@ def low_rank_weights(
 
     `gain` (places, times): energy of a pulse relative to that place's strongest.
     `time_s` (times,): rising, from the first slot's beginning.
-    `interval_s`: nominal interval, which gives the number of pulses.
     """
     mixing, patterns = low_rank(pulse_weights(gain))
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
@@ -201,12 +195,7 @@ def peaks(
     slot_s: float,
     between_s: tuple[float, float],
 ) -> Peaks:
-    """Fold some frequencies at all intervals between two, and return the highest cells.
-
-    `values`: shape (frequencies, slots).
-    `rows`: frequencies to be folded.
-    `between_s`: shortest and longest interval.
-    """
+    """Fold some frequencies `rows` at all intervals between two; the highest cells."""
     found: list[Peaks] = []
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
         score, cell = highest(sums, weights.scaled(at), scale)
@@ -315,7 +304,6 @@ def correlation_slots(energies: SlotEnergies) -> _Floats:
 
 
 def _cells(energies: SlotEnergies, tag: Tag) -> float:
-    """Number of cells of a fold of one frequency, at all rates."""
     slots = len(energies.heard)
     return sum(
         cells_searched(slots, energies.slot_s, between) for between in intervals_searched(tag)
@@ -334,12 +322,8 @@ def search_flight(
 
     All its rates are searched: weak pulses by their weighted energies, and loud ones, which
     these leave out, by their number. Of loud trains with the same pulses the most central comes
-    first.
-
-    `tag`: intervals and their uncertainty.
-    `most`: number of trains returned.
-    `few_patterns`: number above which fewer places choose cells, which are then examined in
-        full.
+    first. `most`: number of trains returned. `few_patterns`: number above which fewer places
+    choose cells, which are then examined in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)
@@ -389,7 +373,6 @@ def _weak_trains(
 
 
 def _coarser(weights: Weights, energies: SlotEnergies) -> Weights:
-    """Fewer patterns, and places that represent the others in these."""
     kept = np.cumsum(np.sum(weights.mixing.astype(np.float64) ** 2, axis=0))
     rank = int(np.searchsorted(kept, SEARCH.coarse_variance * kept[-1])) + 1
     mixing = weights.mixing[:, :rank].astype(np.float64)
@@ -399,7 +382,6 @@ def _coarser(weights: Weights, energies: SlotEnergies) -> Weights:
 
 
 def _in_full(found: Peaks, logs: _Floats, weights: Weights, energies: SlotEnergies) -> Peaks:
-    """Examine the likeliest cells in full, each for its best place of all."""
     slots = energies.energy.shape[1]
     period = np.floor(found.interval).astype(np.intp)
     cells: dict[tuple[int, int, int, int], int] = {}
@@ -537,7 +519,6 @@ def train_at(
 
 
 def _rows_used(intervals_s: _Floats, low_s: float, high_s: float) -> NDArray[np.intp]:
-    """Rows of a fold whose intervals are searched."""
     rows = len(intervals_s)
     half_s = 0.5 * (intervals_s[-1] - intervals_s[0]) / max(rows - 1, 1)
     used = np.flatnonzero((intervals_s >= low_s - half_s) & (intervals_s <= high_s + half_s))

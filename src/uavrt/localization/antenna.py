@@ -29,8 +29,7 @@ class AntennaPattern:
     """Gain at equal steps from 0° to 180°, both included, in the plane of the elements, which
     is horizontal on a level drone."""
     h_plane_db: tuple[float, ...] | None = None
-    """Gain at the same angles in the plane across the elements [dB]; None is the same as
-    `e_plane_db`."""
+    """Gain at the same angles across the elements [dB]; None is equal to `e_plane_db`."""
 
     def __post_init__(self) -> None:
         for table in (self.e_plane_db, self.h_plane_db):
@@ -41,13 +40,7 @@ class AntennaPattern:
                 )
 
     def gain_db(self, off_boresight_deg: ArrayLike) -> NDArray[np.float64]:
-        """Gain relative to boresight [dB] in the plane of the elements.
-
-        Parameters
-        ----------
-        off_boresight_deg : array of any shape
-            Azimuth of the source minus that of the boresight [deg], any turn.
-        """
+        """Gain relative to boresight in the plane of the elements [dB]; any angles."""
         return _looked_up(self.e_plane_db, off_boresight_deg)
 
     def gain_towards_db(
@@ -56,15 +49,10 @@ class AntennaPattern:
         right: NDArray[np.float64],
         down: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Gain relative to boresight [dB] towards unit directions in the antenna's frame.
+        """Gain relative to boresight towards unit vectors from antenna to source [dB].
 
-        Between the two planes decibels are mixed by cos² of the angle about the boresight, the
-        usual interpolation of two cuts.
-
-        Parameters
-        ----------
-        forward, right, down : arrays of one shape
-            Components of the unit vector from the antenna to the source.
+        Between the two planes decibels are averaged by cos² of the angle about the boresight,
+        the usual interpolation of two cuts. `forward`, `right`, `down`: arrays of one shape.
         """
         off = np.degrees(np.arccos(np.clip(forward, -1.0, 1.0)))
         e_plane = _between(self.e_plane_db, off)
@@ -76,13 +64,11 @@ class AntennaPattern:
 
 
 def _looked_up(table_db: Sequence[float], angle_deg: ArrayLike) -> NDArray[np.float64]:
-    """Gain from a 0–180° table of uniform steps, mirrored for other angles."""
     turned = np.asarray(angle_deg, np.float64) + 180.0
     return _between(table_db, np.abs(np.remainder(turned, 360.0) - 180.0))
 
 
 def _between(table_db: Sequence[float], angle_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Value interpolated linearly in a table of uniform steps, for angles from 0 to 180°."""
     table = np.asarray(table_db, np.float64)
     place = angle_deg * ((len(table) - 1) / 180.0)
     below = np.minimum(place.astype(np.intp), len(table) - 2)

@@ -19,8 +19,7 @@ class Cache:
 
     def __init__(self) -> None:
         self.more = False
-        """True if the last estimate reached a limit and left values to update in the next
-        one."""
+        """True if the last estimate reached a limit and left values to the next one."""
         self._before: dict[Hashable, Any] = {}
         self._now: dict[Hashable, Any] = {}
         self._left: dict[str, int] = {}
@@ -86,7 +85,6 @@ def _key(
 
 
 def _content(value: object) -> Hashable:
-    """Hashable content of a value; equal for equal values."""
     if isinstance(value, np.ndarray):
         return value.dtype.char, value.shape, value.tobytes()
     if isinstance(value, Mapping):

@@ -38,8 +38,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 NO_TIME = -1
 """Time of a bearing that was noted without one [ns]; its tag is assumed to rest."""
 EDGE_NS = NANOSECONDS_PER_SECOND
-"""Time before and after a turn within which pulses belong to it [ns]; the drone is still
-there."""
+"""Time before and after a turn within which pulses belong to it [ns]: same place and
+heading."""
 NEVER_TURNED = (
     "it was detected, but in no turn in place; receivers that do not turn add their strengths "
     "to a position only with bearings of others"
@@ -94,8 +94,7 @@ class TagBearing:
     """Number of the turn in the flight, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Number of the flight or log among those read together, from 0; in a position, the
-    receiver's number."""
+    """Number of the flight or log, from 0; in a position, the receiver's number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,8 +120,7 @@ class Found:
     heard: frozenset[int] = frozenset()
     """Numbers of tags with at least one pulse."""
     frequencies_hz: Mapping[int, float] = field(default_factory=dict)
-    """Frequencies of received or listed tags [Hz], by tag; one number may mean different
-    animals."""
+    """Frequencies of received or listed tags [Hz], by tag."""
     pattern: AntennaPattern | None = None
     """Antenna's pattern as corrected by the turns; None without a turn."""
 
@@ -253,11 +251,7 @@ def _missed_yaws_deg(
     turn: Turn,
     rhythm: Rhythm | None,
 ) -> _Floats:
-    """Headings of the antenna at expected pulses of a turn that were not received [deg].
-
-    Each is the vehicle's heading, plus the antenna's offset from it at the nearest received
-    pulses.
-    """
+    """Headings of the antenna at expected pulses of a turn that were not received [deg]."""
     times = pulses.missed_ns(rhythm)
     inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
     if not len(inside):
@@ -274,7 +268,6 @@ def _bearing_of(
     pattern: AntennaPattern,
     method: BearingMethod | str,
 ) -> TagBearing:
-    """Estimate the bearing of a tag from its pulses in a turn; raises `UsageError`."""
     half = np.radians(missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
@@ -374,10 +367,8 @@ def bearings_of(
 ) -> list[TagBearing]:
     """One bearing for each tag and each turn in place, in order of time and tag.
 
-    Pulses that a known interval predicts and that were not received count as misses.
-
-    `past`: turns of other flights, for learning the pattern.
-    `cache`: for repeated calls.
+    Pulses that a known interval predicts and that were not received count as misses. `past`:
+    turns of other flights, for learning the pattern.
     Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
     """
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
@@ -469,7 +460,6 @@ def _turns(pulses: PulseColumns) -> bool:
 
 
 def _with_theirs(own: Sequence[TagBearing], theirs: Sequence[TagBearing]) -> list[TagBearing]:
-    """Replace our bearings by the drone's where it used more pulses, in order of time."""
     found = list(own)
     turns = 1 + max((one.number for one in own), default=-1)
     for one in theirs:
@@ -545,7 +535,6 @@ def estimate(
 
 
 def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
-    """Ground model of a flight; cached losses remain while the take-off stays the same."""
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
@@ -609,7 +598,6 @@ def _placed(
 def _stations(
     bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
 ) -> Stations:
-    """Put a tag's bearings into columns, in order of time; raises `UsageError` without any."""
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
         raise UsageError(
@@ -636,11 +624,7 @@ def _position_of(
     heading_sigma_deg: float,
     hills: HillLosses | None,
 ) -> TagPosition:
-    """Estimate a tag's position, and its path if its bearings contradict a fixed place.
-
-    With a ground model, levels are corrected for hills. The method ``bayes`` also uses
-    strengths of receivers that never turned; the position states the use of each.
-    """
+    """Estimate a tag's position, and its path if its bearings contradict a fixed place."""
     try:
         found = estimate_position(
             stations,

@@ -31,11 +31,9 @@ class PoseColumns:
     """(n,) height above the take-off [m]; NaN where unknown."""
     quaternion_wxyz: _Floats
     altitude_amsl_m: _Floats | None = None
-    """(n,) altitude above sea level [m], NaN where unknown. It separates flight from ground
-    where `height_m` is unknown."""
+    """(n,) altitude above sea level [m]; NaN where unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times between which the autopilot reports the vehicle on the ground
-    [ns]."""
+    """First and last times at which the autopilot reports to be on the ground [ns]."""
 
     @classmethod
     def of(
@@ -328,9 +326,7 @@ class Heard:
         Times are rounded to 256 ns, as columns of floating-point numbers hold them.
 
         `tag_id` (n,): tag of each pulse.
-        `pulses`: in any order.
         `poses`: of the vehicle, in any order; None for a log, which has only the pulses' own.
-        `tags`, `antenna`, `name`, `goes_on`: as the fields.
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)

@@ -25,13 +25,11 @@ def strengths_of(
     antenna: AntennaPattern | str,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Convert a tag's pulses to levels, one for each place and heading.
+    """Convert a tag's pulses, in order of time, to levels, one for each place and heading.
 
     `listener`: name of the receiver, for the operator.
-    `pulses`: of one tag, in order of time.
     `height_m` (n,): height of the vehicle above the take-off at each pulse.
     `on_ground_ns`: times on the ground reported by the autopilot, whose pulses are left out.
-    `antenna`: the pattern, or the monopole's name.
     `rhythm`: expected pulse times; pulses missed at those count as weaker than the received
         ones.
     """
@@ -74,7 +72,6 @@ def _off_ground(
 def _standing(
     pulses: PulseColumns, yaw_deg: _Floats, chosen: NDArray[np.intp], *, one_heading: bool
 ) -> list[NDArray[np.intp]]:
-    """Cut pulses into parts with one place and one heading."""
     if not len(chosen):
         return []
     plane = plane_around(pulses.latitude_deg, pulses.longitude_deg)
@@ -112,8 +109,6 @@ def _levels(
     why: str | None,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
-    """Median level of each part [dB]; a missed pulse counts as weak as the part's weakest."""
-
     def medians(values: _Floats) -> _Floats:
         return np.array([float(np.median(values[part])) for part in parts], np.float64)
 

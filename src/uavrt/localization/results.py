@@ -32,13 +32,12 @@ class Bearing:
     second_lobe_probability: float | None = None
     """Posterior probability that the tag is more than 25° away from `bearing_deg`."""
     evidence: float | None = None
-    """Natural logarithm of the Bayes factor for one direction against none, which is noise
-    alone or a source equally strong at every heading."""
+    """Logarithm of the Bayes factor for one direction against noise or a uniform source."""
     reduced_chi2: float | None = None
     """Misfit of the powers to pattern and fading; about 1 when the model holds."""
     multipath_suspected: bool = False
-    """True if the residuals are correlated over heading, or two paths explain the powers much
-    better. Either there is a reflection, or the pattern is not this antenna's."""
+    """True if residuals are correlated over heading or two paths fit much better: there is a
+    reflection, or the pattern is not this antenna's."""
     paths_deg: tuple[float, float] | None = None
     """Directions of two suspected paths, the stronger first; either may be the tag's."""
     fading_db: float | None = None
@@ -75,9 +74,8 @@ class Bearing:
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
-"""Name of a position estimator. ``track`` follows a moving animal. ``mle``, ``rmr`` and
-``mest`` are as the original system computes them; ``rmr_ahead`` and ``mest_lenth`` are
-corrected."""
+"""Name of a position estimator. ``mle``, ``rmr`` and ``mest`` are as the original system
+computes them; ``rmr_ahead`` and ``mest_lenth`` are corrected, ``track`` follows an animal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,8 +147,7 @@ class Position:
     foreign_pulses: int = 0
     """Number of pulses left out because they are probably another sender's."""
     radius50_m: float | None = None
-    """Radius of the circle around the point that holds the tag with 50 % probability [m]; None
-    is unknown."""
+    """Radius of the circle that holds the tag with 50 % probability [m]; None is unknown."""
     radius95_m: float | None = None
     ellipse95: Ellipse | None = None
     outlier_probabilities: tuple[float, ...] | None = None
@@ -162,8 +159,7 @@ class Position:
     """True if the search area cuts the posterior: the tag may be farther away."""
     grid: PositionGrid | None = None
     heading_error_deg: float | None = None
-    """Estimated error that all headings of the flight share [deg], clockwise; None is
-    unknown."""
+    """Estimated error that all headings share [deg], clockwise; None is unknown."""
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
     track: tuple[TrackPoint, ...] = ()

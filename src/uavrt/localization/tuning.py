@@ -54,8 +54,7 @@ class FlightTuning:
     one_place_m: float = 30.0
     """Largest distance of pulses from their median position in a log of one place [m]."""
     hills_digits: int = 4
-    """Decimal digits to which frequencies are rounded for losses behind hills: 10 kHz. Live
-    flights reuse the losses then."""
+    """Decimal digits to which frequencies are rounded for losses behind hills: 10 kHz."""
 
     own_heading_sigma_deg: float = 1.0
     """Least standard deviation of one turn's headings that other turns do not share [°]."""
@@ -69,11 +68,9 @@ class FlightTuning:
     whole_turn_deg: float = 270.0
     """Least angle of a finished turn [°]."""
     in_progress_ns: int = 10_000_000_000
-    """Time before the last pose within which the end of a turn may still be in progress
-    [ns]."""
+    """Time before the last pose within which a turn's end may be in progress [ns]."""
     one_flight_s: float = 7200.0
-    """Longest span of bearings of one flight [s]; over a longer one the tag is taken to
-    rest."""
+    """Longest span of one flight's bearings [s]; over a longer one the tag rests."""
     other_tag_hz: float = 10_000.0
     """Frequency difference above which one number is two tags [Hz]; crystals drift by less."""
     least_turns: int = 3
@@ -90,8 +87,7 @@ class FlightTuning:
     live_turn_ns: int = 900_000_000_000
     """Longest duration of a turn in flight [ns]; older poses and pulses are dropped."""
     drone_level_sigma_db: float = 1.0
-    """Standard deviation of the level in the drone's bearing message, which contains none
-    [dB]."""
+    """Standard deviation of levels from the drone, whose message contains none [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

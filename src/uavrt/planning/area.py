@@ -13,8 +13,7 @@ from uavrt.planning.tuning import PLANNING
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Function that gives the height of the ground [m] at positions in the plane, with any
-datum."""
+"""Function that gives the height of the ground [m] at positions in the plane; any datum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,7 +219,6 @@ def _side(a: _Floats, b: _Floats, c: _Floats) -> float:
 
 
 def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
-    """True if two line segments share a point."""
     one, two = _side(a, b, c), _side(a, b, d)
     three, four = _side(c, d, a), _side(c, d, b)
     if one * two < 0.0 and three * four < 0.0:
@@ -232,7 +230,6 @@ def _meet(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
 
 
 def _overlap(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> bool:
-    """True if neighbouring sides of an outline overlap, or one has no length."""
     if np.array_equal(a, b) or np.array_equal(c, d):
         return True
     meeting, before, after = (b, a, d) if np.array_equal(b, c) else (a, b, c)
@@ -269,8 +266,7 @@ class SearchArea:
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Function that gives the highest ground on the straight return from positions [m], which
-    must be cleared, too; same datum as the ground."""
+    """Function that gives the highest ground on the straight return from positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -411,7 +407,6 @@ class SearchArea:
 
 
 def _named(void: Circle | Polygon) -> str:
-    """Name of an area in errors, or its kind if it has none."""
     if void.name in ("", "polygon"):
         return "a place to keep away from"
     return f"the keep-out {void.name!r}"
@@ -422,7 +417,6 @@ def _named_within(area: Circle | Polygon) -> str:
 
 
 def _nudged(corners: _Floats) -> _Floats:
-    """Move a corner on the fence inside by a millimetre."""
     middle = corners.mean(axis=0)
     off = middle - corners
     return np.asarray(corners + 1e-3 * off / np.maximum(np.hypot(*off.T)[:, None], 1e-9))
@@ -498,7 +492,6 @@ def survey_lines(
 
 
 def _cut(corners: _Floats, along: _Floats, across: _Floats, offset: float) -> Sequence[_Floats]:
-    """First and last point of a line inside an outline."""
     crossings = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         x, y = float(a @ across) - offset, float(b @ across) - offset

@@ -32,13 +32,11 @@ class _ExistenceRules:
     """Constants of the model check, and of an interferer that is received as the tag."""
 
     memory: float = 0.95
-    """Factor on a pulse's weight in the model check at each further pulse: twenty pulses
-    count."""
+    """Factor on a pulse's weight in the model check at each further pulse."""
     largest_sigmas: float = 4.0
     """Limit of one pulse's deviation in the model check [standard deviations]."""
     failing_sigmas: float = 3.3
-    """Mean deviation at which the model check fails [standard deviations]: once in a
-    thousand."""
+    """Mean deviation that fails the model check [standard deviations]: once in 1000."""
     rival_sigma_db: float = 12.0
     """Standard deviation of an interferer's level before any pulse [dB]."""
     rival_particles: int = 2000
@@ -47,11 +45,9 @@ class _ExistenceRules:
     rival_nats: float = 7.0
     """Largest log odds of an interferer [nats]."""
     tag_nats: float = 25.0
-    """Largest evidence that a tag is there [nats]; a limit keeps the loss of a tag
-    detectable."""
+    """Largest evidence that a tag is there [nats], so that its loss is noticed."""
     known_share: float = 0.5
-    """Spread of an interferer's posterior, as a share of its area's width, below which its
-    place is known."""
+    """Spread of an interferer, as a share of its area's width, if its place is known."""
 
 
 _RULES = _ExistenceRules()

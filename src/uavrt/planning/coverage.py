@@ -53,8 +53,7 @@ class Coverage:
 
     ground: GroundGrid
     heard: _Singles
-    """(rows, columns) detection probability, the southern row first; NaN where the ground's
-    height is unknown."""
+    """(rows, columns) detection probability, the southern row first; NaN is unknown."""
     groups: int
     """Number of pulse groups on the path; for a whole flight 1 or 0."""
     whole_flight: bool = False
@@ -99,12 +98,10 @@ def listening_way(
     interval_s: float,
     nose_first: bool = False,
 ) -> ListeningWay:
-    """Distribute a tag's pulses along a planned path.
+    """Distribute a tag's pulses along straight paths between corners (east, north).
 
-    `corners_m`: (east, north) of each corner; the drone flies straight between them.
-    `height_m`: constant height above the ground.
-    `nose_first`: the antenna points along the path; otherwise it has equal gain in all
-        directions.
+    `height_m`: constant height above the ground. `nose_first`: the antenna points along the
+        path; otherwise it has equal gain in all directions.
     """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
@@ -255,7 +252,6 @@ class _View:
         self._towards: tuple[_Singles, _Singles, _Singles] | None = None
 
     def energies(self, pulse: int) -> _Singles:
-        """Energy of a pulse over noise for a tag at each cell."""
         way = self._way
         at = (way.east_m[pulse], way.north_m[pulse], way.height_m[pulse])
         if (

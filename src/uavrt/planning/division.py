@@ -35,7 +35,6 @@ def divided(
     Each tag in turn goes to the drone that would finish it first (list scheduling); then single
     tags move to other rounds while that shortens the longest round or the total.
 
-    `east_m`, `north_m` (tags,): positions.
     `stay_s`: time at each tag.
     `owners`: previous drone of each tag; another takes it only if that saves enough time.
     """
@@ -77,7 +76,6 @@ class _Rounds:
         self._after = [one.after_s for one in starts]
 
     def time_s(self, drone: int, tour: Sequence[int]) -> float:
-        """Time at which a drone ends a round [s]."""
         if not tour:
             return 0.0
         legs = (self._between[a][b] for a, b in pairwise(tour))

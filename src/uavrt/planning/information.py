@@ -133,10 +133,8 @@ class _Pulses:
     alike_db2: _Floats
     """(ways,) variance common to all pulses of a path, from the elevation map [dB²]."""
     span_s: _Floats
-    """(ways,) durations [s]."""
 
     def as_one(self) -> "_Pulses":
-        """Pulses of all paths as of one path."""
         return _Pulses(
             level_db=self.level_db.reshape(1, -1, self.level_db.shape[2]),
             per_db2=self.per_db2.reshape(1, -1),
@@ -145,7 +143,6 @@ class _Pulses:
         )
 
     def joined(self, one: "_Pulses") -> "_Pulses":
-        """Pulses of each path together with those of one other path."""
         ways, _, hypotheses = self.level_db.shape
         samples = one.level_db.shape[1]
         level = np.broadcast_to(one.level_db, (ways, samples, hypotheses))
@@ -238,10 +235,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """(legs, samples) variance of a level by the animal's walk until the path's end [dB²].
-
-    The position at the end matters, so early pulses count less.
-    """
+    """(legs, samples) variance of a level by the animal's walk until the path's end [dB²]."""
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

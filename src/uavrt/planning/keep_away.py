@@ -48,11 +48,8 @@ class KeepAway:
     ) -> _Floats:
         """(tags, ways) probability that straight paths keep the planned distance from each tag.
 
-        A doubtful tag counts as existing; a travelling one continues.
-
-        `start_m`: east and north.
-        `east_m`, `north_m` (ways,): ends.
-        `stays_s`: time at the end.
+        A doubtful tag counts as existing; a travelling one continues. `stays_s`: time at the
+        end.
         """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2

@@ -88,7 +88,6 @@ class OtherDrones:
 
 
 def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
-    """East and north on a path at given times; the path's end afterwards."""
     return (
         np.interp(time_s, path.time_s, path.east_m),
         np.interp(time_s, path.time_s, path.north_m),

@@ -141,7 +141,6 @@ class Search:
     def _way_home_wh(
         self, energy: EnergyModel, state: VehicleState, wind: Wind | None
     ) -> float:
-        """Energy of the return in the reported wind, else in the strongest one [Wh]."""
         settings, home_m = self.settings, self.settings.area.home_m
         air = headwind(state, home_m, settings.worst_wind_m_s) if wind is None else wind
         return energy.way_home_wh(

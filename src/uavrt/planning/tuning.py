@@ -26,12 +26,10 @@ class PlanningTuning:
     stay_s: float = 6.0
     """Time at each tag of a round [s]: a turn towards it and its last pulses."""
     located_share: float = 0.5
-    """Spread of a tag's posterior, as a share of its area's, below which one drone searches
-    it."""
+    """Spread of a tag, as a share of its area's, below which one drone searches it."""
 
     scale_drift: float = 0.03
-    """Drift of the learned power scale between two updates, by wind and the battery's
-    voltage."""
+    """Drift of the learned power scale between two updates, as by wind."""
     return_climb_m_s: float = 3.0
     """Vertical speed of the climb before the return flight [m/s]."""
     return_sink_m_s: float = 1.5

@@ -123,7 +123,6 @@ def headwind(state: VehicleState, home_m: tuple[float, float], speed_m_s: float)
 
 
 def _turned_deg(start_deg: float, end_deg: _Floats) -> _Floats:
-    """Smaller angle between two headings [deg], (-180, 180]."""
     return np.asarray(180.0 - np.remainder(180.0 - (end_deg - start_deg), 360.0))
 
 
@@ -251,11 +250,7 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """(legs,) side (+1 right), angle on the circle [rad], and straight part [m].
-
-        A position inside one circle is reached by the other: the side whose circle does not
-        include it, after a longer turn.
-        """
+        """(legs,) side (+1 right), angle on the circle [rad], and straight part [m]."""
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
@@ -354,7 +349,6 @@ def _straight(
 def _in_place(
     vehicle: Vehicle, state: VehicleState, action: Rotate | Hold, wind: Wind, step: float
 ) -> Path:
-    """Path of a turn in place; a fixed wing circles to the right for the same time."""
     count = max(1, round(action.duration_s / step))
     time = np.arange(1, count + 1, dtype=np.float64) * step
     turn = action.turn_deg if isinstance(action, Rotate) else 0.0

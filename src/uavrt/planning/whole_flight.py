@@ -38,9 +38,8 @@ class WholeFlightModel:
     drift_slots: float = 2.0
     """Shift of the flight's middle between two independent drifts [slots]."""
     loss_db: float = -0.8
-    """Loss by slots, frequencies and intervals between cells, less what neighbouring windows
-    hold of a pulse [dB]. With it, 400 pulses of a turning antenna need 2.3 dB, as measured
-    (I2)."""
+    """Loss by slots, frequencies and intervals between cells [dB]. With it, 400 pulses of a
+    turning antenna need 2.3 dB, as measured (I2)."""
 
 
 MODEL = WholeFlightModel()
@@ -160,10 +159,7 @@ def _exponentials(tag: Tag) -> float:
 
 @lru_cache(maxsize=16)
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
-    """Deviation and skewness of a slot in noise; mean and variance by a pulse's level.
-
-    Mean and variance are in units of the noise's deviation, the mean relative to noise.
-    """
+    """Deviation and skewness of a slot in noise; mean and variance by a pulse's level."""
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)
     strength = 10.0 ** (_TRAIN_ENR_DB / 10.0)[:, np.newaxis]

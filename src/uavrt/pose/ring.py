@@ -1,8 +1,7 @@
 """The antenna's pose at any time in the last minute.
 
-The thesis gave each pulse the pose half-way between take-off and the present: its search for
-the sample before the pulse always found the first one, and its fraction was the constant ½. A
-turn of 90° was logged as 45°. Times here are integer nanoseconds, found by bisection.
+The thesis gave each pulse the pose half-way between take-off and the present, so that a turn of
+90° was logged as 45°. Times here are integer nanoseconds, found by bisection.
 
 Without a later sample, the motion of the last 0.2 s is extrapolated for at most 1 s, and
 marked; gaps of more than 2 s are not interpolated. In a steady turn at 30°/s, holding the last

@@ -27,11 +27,8 @@ class Series(Generic[S]):
     """Samples in order of time; the oldest are dropped first.
 
     They are kept as bare numbers in memory allocated at the start, 40 bytes each (330 as
-    records), so that memory does not grow in flight.
-
-    `capacity`: number of samples kept.
-    `pack`: function from a sample to its four numbers.
-    `unpack`: function from a time and four numbers to a sample.
+    records), so that memory does not grow in flight. `pack` converts a sample to its four
+    numbers, `unpack` a time and four numbers to a sample.
     """
 
     def __init__(

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 _Floats = NDArray[np.floating]
 EARTH_M = 8_500_000.0
-"""Effective earth radius with which rays are straight [m]: 4/3 of the true one (P.526-15,
-§4.5)."""
+"""Effective earth radius with which rays are straight [m]: 4/3 of the true one (P.526-15)."""
 _LEAST = -1e12
 
 
@@ -34,13 +33,10 @@ def bullington_db(nu: _Floats, distance_m: _Floats) -> _Floats:
 def beyond_level_db(
     nu: _Floats, distance_m: _Floats, *, antenna_m: float, tag_m: float, wavelength_m: float
 ) -> _Floats:
-    """Loss of a profile beyond that of level ground [dB].
+    """Loss of a profile beyond that of level ground [dB], by its edge's parameter ν.
 
     Over level ground the ray to the mirrored antenna touches it where ν is greatest: -2 √(2 a b
-    / (λ d)) for heights a and b.
-
-    `nu`, `distance_m`: parameter of the profile's edge, and distance between the antennas.
-    `antenna_m`, `tag_m`: heights above the ground at either end.
+    / (λ d)) for heights a and b above it.
     """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
     level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))

@@ -22,8 +22,7 @@ _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000
 _LATTICE = 12
 _NOT_HEIGHTS_M = (-600.0, 9000.0)
-"""Range of valid heights [m]: the shore of the Dead Sea lies at -430 m. Values outside mark
-missing data."""
+"""Range of valid heights [m], from below the Dead Sea; values outside mark missing data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,11 +42,9 @@ class Raster:
     rows: int
     columns: int
     datum: str | None
-    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None where the file has
-    none."""
+    """Datum of the heights: ``EGM96``, ``ellipsoid`` and others; None if the file has none."""
     read: Callable[[_Window], NDArray[np.float32]]
-    """Function that reads a window: first and last row, first and last column (the last ones
-    excluded). Heights are NaN where unknown."""
+    """Function that reads a window of rows and columns, first and end; NaN is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,8 +125,6 @@ def _step_m(one: Raster) -> float:
 
 
 def _of_one_grid(a: Raster, b: Raster) -> bool:
-    """True if the points of one raster continue those of another."""
-
     def whole(apart: float, step: float) -> bool:
         return abs(apart / step - round(apart / step)) < 0.01
 
@@ -140,7 +135,6 @@ def _of_one_grid(a: Raster, b: Raster) -> bool:
 
 
 def _read(sheet: list[Raster], lat: _Floats, lon: _Floats) -> tuple[_Floats, NDArray[np.bool_]]:
-    """Heights at the places inside a group of joined rasters, and True for these places."""
     first = sheet[0]
     x, y = _projected(first.epsg, lat, lon)
     turn = 360.0 / first.step_x if first.epsg == 4326 else 0.0
@@ -168,7 +162,6 @@ def _read(sheet: list[Raster], lat: _Floats, lon: _Floats) -> tuple[_Floats, NDA
 
 
 def _offset(first: Raster, one: Raster, turn: float, near: float) -> tuple[int, int]:
-    """Rows and columns by which a raster is offset from the first of its group."""
     right = (one.x - first.x) / first.step_x
     if turn:
         right += turn * round((near - right - 0.5 * one.columns) / turn)
@@ -176,7 +169,6 @@ def _offset(first: Raster, one: Raster, turn: float, near: float) -> tuple[int, 
 
 
 def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArray[np.float32]:
-    """Heights in a window of a group of joined rasters."""
     top, bottom, left, right = window
     count = (bottom - top) * (right - left)
     if count > _MOST_POINTS:

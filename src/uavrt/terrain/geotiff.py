@@ -196,7 +196,6 @@ def _raster(path: Path, order: str, tags: dict[int, Any]) -> Raster:
 
 
 def _check(blocks: _Blocks) -> None:
-    """Reject impossible sizes, and a file that ends before its last block."""
     if min(blocks.rows, blocks.columns, blocks.high, blocks.wide) < 1:
         raise ValueError("it holds no points")
     if blocks.high * blocks.wide > _MOST_BLOCK_POINTS:

@@ -47,10 +47,8 @@ class HillLosses:
     Heights of the drone count from the ground at the take-off, as autopilots report; metres
     from there too, or from the origin of another plane (`in_plane`).
 
-    `latitude_deg`, `longitude_deg`: of the take-off.
-    `frequency_hz`: of the tags.
-    `tag_m`: height of the tags above the ground beneath them.
-    `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the
+    `frequency_hz`: of the tags. `tag_m`: height of the tags above the ground beneath them.
+        `limitations`: sentences on where the losses do not apply; `cautions` adds gaps of the
         files.
     """
 

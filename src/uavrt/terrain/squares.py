@@ -85,14 +85,12 @@ def ground_grid(
     north_m: float,
     cell_m: float,
 ) -> GroundGrid:
-    """Heights on squares over an area.
+    """Heights on squares over an area, whose last cells may extend beyond it.
 
-    `elevation`: None is level ground at height 0, all cells known.
-    `plane`: origin of the metres.
-    `west_m`, `east_m`, `south_m`, `north_m`: the area; its last cells may extend beyond it.
-    `cell_m`: side of a square.
+    `elevation`: None is level ground at height 0, all cells known. `plane`: origin of the
+        metres. `cell_m`: side of a square.
     Raises `UsageError`: more than 16 million squares.
-    Raises `FormatError`: a file of heights is damaged.
+    Raises `FormatError`: an elevation file is damaged.
     """
     columns = max(2, math.ceil((east_m - west_m) / cell_m) + 1)
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)

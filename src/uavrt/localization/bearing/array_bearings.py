@@ -24,8 +24,7 @@ _Floats = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
 Steering = Callable[[_Floats], _Complex]
-"""Function from directions (b,) clockwise from the array's nose [deg] to the elements' complex
-amplitudes (b, elements)."""
+"""Function from directions (b,) clockwise from the nose [deg] to amplitudes (b, elements)."""
 
 
 def circle_steering(
@@ -76,20 +75,12 @@ def switched_bearing(
 ) -> Bearing:
     """Estimate a bearing from the amplitudes of one or several pulses.
 
-    Parameters
-    ----------
-    amplitudes : (p, elements) complex128 array
-        From `measure_switched_pulse`.
-    counts : (p, elements) float64 array
-        Samples behind each amplitude.
-    yaw_deg : (p,) float64 array
-        Heading of the array at each pulse, clockwise from true north.
-    steering : callable
-        `circle_steering` or `pair_steering`.
-    noise_power : float or (p,) float64 array
-        Of one sample, the same for all pulses or of each.
-    method : str
-        ``"pseudo_doppler"`` or ``"two_point_phased"``.
+    `amplitudes` (p, elements): complex amplitudes by `measure_switched_pulse`.
+    `counts` (p, elements): number of samples averaged for each amplitude.
+    `yaw_deg` (p,): heading of the array at each pulse, clockwise from true north.
+    `steering`: `circle_steering` or `pair_steering`.
+    `noise_power`: noise power of one sample, for all pulses or (p,).
+    `method`: ``"pseudo_doppler"`` or ``"two_point_phased"``.
     """
     log_density = np.zeros(len(GRID_DEG))
     noises = np.broadcast_to(np.asarray(noise_power, np.float64), (len(yaw_deg),))
@@ -111,13 +102,12 @@ def amplitude_monopulse(
 ) -> Bearing:
     """Estimate a bearing from fixed antennas that receive the same pulses.
 
-    The tag's strength and its fading are the same for all antennas at a pulse and cancel; only
-    the pattern differs.
+    The tag's strength and its fading are the same for all antennas at a pulse and cancel.
 
     `boresight_deg` (a,): direction of each antenna, clockwise from true north.
-    `snr_db` (p, a): SNR of each pulse at each antenna; NaN where it was not heard.
+    `snr_db` (p, a): SNR of each pulse at each antenna; NaN is a miss.
     `fading_db`: standard deviation of other differences between antennas.
-    Raises `UsageError`: no pulse was heard by two antennas.
+    Raises `UsageError`: no pulse was received by two antennas.
     """
     heard = ~np.isnan(snr_db)
     used = heard.sum(axis=1) >= 2

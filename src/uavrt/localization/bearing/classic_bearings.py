@@ -148,7 +148,6 @@ def ls_linear(
 def _fitted_line(
     gain: NDArray[np.float64], power: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Slope and offset, both at least 0, of the best line for each row of gains (b, n)."""
     total = weight.sum()
     mean_gain = (gain @ weight / total)[:, None]
     mean_power = float(power @ weight / total)

@@ -25,8 +25,7 @@ class Whitened:
     level_slope: _Floats
     """(n,) derivative of the expected values by the level [standard deviations per dB]."""
     bearing_slope: _Floats
-    """(n,) derivative of the expected values by the bearing [standard deviations per
-    degree]."""
+    """(n,) derivative of expected values by the bearing [standard deviations per degree]."""
     fading_part: _Floats
     """(n,) share of fading in the standard deviation; the rest is uncorrelated noise."""
 

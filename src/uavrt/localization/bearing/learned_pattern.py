@@ -24,8 +24,7 @@ class TurnPulses:
     """The pulses of one tag during one turn."""
 
     yaw_deg: _Floats
-    """(n,) direction of the antenna's boresight at each pulse, clockwise from true north
-    [deg]."""
+    """(n,) direction of the boresight at each pulse, clockwise from true north [deg]."""
     matched_power: _Floats
     """(n,) power of each pulse over the noise power, noise included; NaN is a miss."""
 
@@ -78,11 +77,7 @@ def _basis(angle_deg: _Floats) -> _Floats:
 def _equations(
     turn: TurnPulses, pattern: AntennaPattern, correction: _Floats, threshold_db: float
 ) -> tuple[_Floats, _Floats]:
-    """Linear equations of one turn for the pattern's correction, whitened, without its level.
-
-    The measured level is 10 log10(1 + S); it follows the gain by S / (1 + S), so pulses at the
-    noise floor contribute nothing.
-    """
+    """Whitened linear equations of one turn for the pattern's correction, without level."""
     found = estimate_bearing(
         turn.yaw_deg,
         None,

@@ -11,8 +11,7 @@ from uavrt.localization.power_law import PowerTables
 from uavrt.localization.tuning import POWER_LAW
 
 Gain = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Function from bearings (b,) [deg] to the antenna's gain over boresight (n, b) [dB] at each of
-n pulses."""
+"""Function from bearings (b,) [deg] to gains of n pulses (n, b), relative to boresight [dB]."""
 
 GRID_DEG = np.arange(0.0, 360.0, PATTERN.grid_step_deg)
 
@@ -159,7 +158,6 @@ def _log_integral(values: NDArray[np.float64], step_db: float) -> NDArray[np.flo
 
 
 def _moments(values: NDArray[np.float64], level_db: NDArray[np.float64]) -> tuple[float, float]:
-    """Mean and standard deviation of the level [dB], from (k, fadings) log-likelihoods."""
     weight = np.exp(values - values.max()).sum(axis=1)
     weight /= weight.sum()
     mean = float(weight @ level_db)

@@ -53,11 +53,7 @@ def pattern_ml(
     `matched_power` (n,): matched power over noise power, noise included (mean S + 1).
     `missed_below` (m,): upper limit of the missed pulses' power.
     `noise_db` (n + m,): noise at each pulse over the median noise [dB].
-    `elevation_deg`: the tag's elevation, negative below the horizon.
     `folds`: number of pulses summed in each value.
-    `fading_db`: known standard deviation of the fading; None estimates it.
-    `heading_sigma_deg`: error that all headings share (compass, mounting, lag at one rate of
-        turn).
     """
     turn = _Turn(
         headings=headings,
@@ -87,7 +83,6 @@ class _Turn:
 
     @property
     def heard(self) -> int:
-        """Number of received pulses; they precede the missed ones."""
         return len(self.matched_power)
 
     def gain(self, bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,14 +92,11 @@ class _Turn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Fit:
-    """Likelihood of a turn's bearings, and the misfit at the best bearing."""
-
     likelihood: BearingLikelihood
     best_deg: float
     misfit: "_Misfit"
     lasting: float
-    """Variance factor of the bearing due to correlated fading, over independent pulses; 1 or
-    more."""
+    """Variance factor of the bearing due to correlated fading; 1 or more."""
     double: TwoPaths | None
 
 
@@ -146,7 +138,6 @@ def _fitted(turn: _Turn) -> _Fit:
 
 
 def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
-    """Bearing and its uncertainty from a fit, widened for correlated fading."""
     found, misfit = fit.likelihood, fit.misfit
     inflation = fit.lasting
     if turn.fading_db is not None and misfit.reduced_chi2 is not None:
@@ -189,8 +180,7 @@ class _Misfit:
     sure: NDArray[np.bool_]
     """(n,) True for received pulses too strong to be missed."""
     correlation: float
-    """Correlation of neighbouring deviations, 0 to 0.9, less one standard deviation of
-    chance."""
+    """Correlation of neighbouring deviations, 0 to 0.9, less chance's standard deviation."""
     reduced_chi2: float | None
 
     @property
@@ -213,10 +203,7 @@ def _misfit(
     fading_db: float,
     folds: int,
 ) -> _Misfit:
-    """Deviations of received pulses (n,) from the model, without pulses near the threshold.
-
-    Of weak pulses only the strong ones are received, which would look like a misfit.
-    """
+    """Deviations of received pulses (n,) from the model, without pulses near the threshold."""
     residual = _residuals(matched_power, model_db, fading_db, folds)
     sure = np.ones(len(residual), bool)
     if len(missed_below):
@@ -270,11 +257,7 @@ def _residuals(
 
 
 def _correlation(residual: NDArray[np.float64], yaw_deg: NDArray[np.float64]) -> float:
-    """Correlation of neighbouring residuals, in time or over heading; 0 to 0.9.
-
-    Correlated fading or a wrong pattern reduces the information of n pulses. One standard
-    deviation of chance, 1/√n, is subtracted.
-    """
+    """Correlation of neighbouring residuals, 0 to 0.9, less chance's standard deviation."""
     count = len(residual)
     if count < PATTERN.correlation_pulses:
         return 0.0

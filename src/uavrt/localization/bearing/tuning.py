@@ -16,8 +16,7 @@ class TurnTuning:
     path_m: float = 7.5
     """Least distance between the ends of a path [m]: half the radius of a turn in place."""
     drift_spans_deg: tuple[float, ...] = (45.0, 90.0)
-    """Spans of yaw over which a turn's drift is measured [°]; turns with stops need the
-    longer."""
+    """Spans of yaw over which drift is measured [°]; turns with stops need the longer."""
     drift_step_deg: float = 5.0
     """Step between the starts of these spans [°]."""
     one_turn_deg: float = 450.0
@@ -95,8 +94,7 @@ class TwoPathTuning:
     least_pulses: int = 12
     """Least number of pulses in a rotation that is examined."""
     least_gain_nats: float = 8.0
-    """Least rise of the log-likelihood over one path [nats]; 99 % of rotations without
-    reflection gain less (experiment B6)."""
+    """Least rise of log-likelihood over one path [nats]; noise exceeds it in 1 % (B6)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

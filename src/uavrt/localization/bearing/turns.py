@@ -58,25 +58,24 @@ def find_turns(
     Parameters
     ----------
     time_ns : (n,) int64 array
-        Times of the poses, rising.
+        Rising times of the poses.
     yaw_deg : (n,) float64 array
         Heading, any turn; several poses for each 180° of turn.
     latitude_deg, longitude_deg : (n,) float64 arrays
-        Places of the poses.
+        Positions of the poses.
     height_m : (n,) float64 array, optional
-        Above the take-off, NaN where it is not known. With it, only what is turned in flight is
-        a turn: no standing, no climb, no carrying after the landing. Where nothing flew, as on
-        a turntable, all turns count.
+        Height above the take-off, NaN where unknown. With it, rotations on the ground and
+        during a climb are no turns, unless nothing flew, as on a turntable.
     on_ground : (n,) bool array, optional
-        What the autopilot says was not flown; no turn, wherever the barometer has drifted to.
+        True where the autopilot reports to be on the ground: no turn.
     least_turn_deg : float
-        Smaller turns are none. 270° is what the original asks for; 8 stops turn by 315°.
+        Least angle of a turn. The original needs 270°; a turn of 8 stops has 315°.
     speed_m_s : float
-        Faster is flying; slower is hovering in wind.
+        Largest speed of hovering in wind.
     radius_m : float
-        A place is left when the drone is farther from its middle.
+        Largest distance from the middle of a turn.
     longest_pause_s : float
-        A longer stop ends a turn.
+        Longest stop within a turn.
 
     Raises
     ------
@@ -140,7 +139,6 @@ def _described(
 
 
 def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
-    """Speed at each pose, averaged over a window that removes GNSS noise [m/s]."""
     half = TURNS.speed_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
@@ -175,7 +173,6 @@ def _that_lead_away(
 def _walking(
     east: _Floats, north: _Floats, yaw: _Floats, moves: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """True for poses during a permanent change of place without the rotation of a turn."""
     walking = moves.copy()
     for first, last in _runs(moves):
         within = slice(first, last)
@@ -201,7 +198,6 @@ def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool
 
 
 def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First index, and the one after the last, of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -289,7 +285,6 @@ def _without_long_pauses(
 def _with_its_stops(
     seconds: _Floats, yaw: _Floats, moving: list[tuple[int, int]]
 ) -> tuple[int, int]:
-    """First and last index of moving stretches with the stops before and after them."""
     stops = [seconds[b[0]] - seconds[a[1] - 1] for a, b in pairwise(moving)]
     hold_s = max((one for one in stops if one >= TURNS.stop_s), default=0.0) + 0.5
     first, last = moving[0][0], moving[-1][1] - 1
@@ -303,7 +298,6 @@ def _with_its_stops(
 
 
 def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
-    """True for poses whose heading changes as in a turn, faster than a compass drifts."""
     half = TURNS.rate_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
@@ -325,7 +319,6 @@ def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
 
 
 def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """True for poses off the ground; True for all without heights or without a take-off."""
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)
@@ -343,7 +336,6 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
 
 
 def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """True for poses during a climb or descent of several metres."""
     height = np.where(np.isfinite(height_m), height_m, 0.0)
     half = TURNS.speed_window_s / 2.0
     before = np.maximum(np.searchsorted(seconds, seconds - half, side="right") - 1, 0)

@@ -31,8 +31,8 @@ class TwoPaths:
     bearings_deg: tuple[float, float]
     """Bearings of the stronger and the weaker path; either may be the tag's."""
     density: NDArray[np.float64]
-    """(360,) probability that each whole degree is the tag's bearing; the stronger path is more
-    probably the direct one."""
+    """(360,) probability of whole degrees; the stronger path is more probably the direct
+    one."""
 
 
 def two_paths(

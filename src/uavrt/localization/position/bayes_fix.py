@@ -19,8 +19,7 @@ from uavrt.localization.results import Ellipse
 _Floats = NDArray[np.float64]
 
 LogLikelihood = Callable[[_Floats, _Floats, _Floats], _Floats]
-"""Function from east and north (places,) and the cell width at each place [m] (places,) to the
-log-likelihood (places,)."""
+"""Function from east, north and cell width [m] (places,) to the log-likelihood (places,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +167,6 @@ def cells_posterior(
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
     """Refine an earlier posterior's cells for a likelihood with further data.
 
-    `cells`: starting cells, as small as the first likelihood needs.
     `density` (n,): the new log-likelihood at these cells. Where it differs from the first one
     by a constant only, no cell is quartered again.
     """
@@ -191,7 +189,6 @@ def _quartered(
     within: Area | None = None,
     shows_m: float = np.inf,
 ) -> Cells:
-    """Quarter cells repeatedly where they are probable or the density varies within."""
     at_edge = _edge_share(east, north, width, density) > GRID.edge_share
     widest = float(width.max())
     for _ in range(GRID.rounds):
@@ -296,7 +293,6 @@ def map_of(
 
 
 def _squares(area: Area, count: int) -> tuple[_Floats, _Floats, _Floats]:
-    """Squares that cover an area; the last ones extend beyond it by less than one width."""
     wide, high = area.east_m - area.west_m, area.north_m - area.south_m
     step = max(wide, high) / count
     across, along = (max(4, round(side / step)) for side in (wide, high))
@@ -315,7 +311,6 @@ def _normalised(density: _Floats, width: _Floats) -> tuple[_Floats, float]:
 
 
 def _edge_share(east: _Floats, north: _Floats, width: _Floats, density: _Floats) -> float:
-    """Probability of the area's margin, one widest cell wide."""
     probability, _ = _normalised(density, width)
     margin, half = 0.99 * float(width.max()), 0.5 * width
     border = np.zeros(len(east), bool)

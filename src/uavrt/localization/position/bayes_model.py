@@ -69,7 +69,6 @@ class Model:
         )
 
     def _hills_around(self) -> HillLosses | None:
-        """Ground model in the local plane, extended to the tag's largest distance."""
         known = self.known.hills
         if known is None or known.level:
             return None
@@ -122,7 +121,6 @@ class Model:
 def _bearing_evidence(
     stations: Stations, plane: TangentPlane, known: Known
 ) -> list[BearingEvidence]:
-    """Evidence of the bearings for each candidate standard deviation, all equally probable."""
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
     if stations.posterior is not None:
         densities = [stations.posterior]
@@ -171,7 +169,6 @@ def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
 def _level_evidence(
     stations: Stations, listeners: tuple[Strengths, ...], model: Model, propagation: Propagation
 ) -> LevelEvidence | None:
-    """Evidence of the levels of rotations, and of receivers that never turned."""
     heard = stations.with_levels
     if heard is None or heard.level_db is None:
         return None

@@ -107,7 +107,6 @@ class _Solved:
     log_likelihood: LogLikelihood
     cells: Cells
     resting: Cells
-    """Posterior of the place of a resting tag with usual heading errors."""
     agreement: "_Agreement"
     point: tuple[float, float]
 
@@ -183,7 +182,6 @@ class _Agreement:
 
     @property
     def best(self) -> Fit | None:
-        """Most probable explanation; None when none was computed."""
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
     def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
@@ -225,7 +223,6 @@ def _explanations(
 
 
 def _resting(model: Model, bearings: FlightBearings, point: tuple[float, float]) -> Fit | None:
-    """Fit of a resting tag, which shows contradicting bearings."""
     if len(bearings.bearing_deg) < 2:
         return None
     ((_, fit),) = _explanations(model, bearings, point, frozenset())
@@ -253,7 +250,6 @@ def _flight_bearings(model: Model) -> FlightBearings | None:
 
 
 def _lobe(posterior: _Floats) -> tuple[float, float]:
-    """Mean and standard deviation of the main lobe of a (360,) probability [deg]."""
     degrees = np.arange(360.0) * (360.0 / len(posterior))
     off = difference_deg(degrees, float(degrees[int(np.argmax(posterior))]))
     inside = np.abs(off) <= PATTERN.lobe_deg
@@ -272,7 +268,6 @@ class _Mixture:
     others: tuple[tuple[float, Fit], ...]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
-        """(places,) log-likelihood of the mixture."""
         resting = self.resting(east_m, north_m, cell_m)
         return self.added_to(resting, east_m, north_m, cell_m)
 
@@ -298,7 +293,6 @@ class _Mixture:
 def _heading_error(
     model: Model, doubts: Doubts | None, agreement: _Agreement
 ) -> tuple[float | None, float | None]:
-    """Error that all headings share, and its standard deviation [deg]; None if unknown."""
     if model.known.heading_sigma_deg <= 0.0 or doubts is None:
         return None, None
     best = agreement.best

@@ -48,7 +48,6 @@ def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
 
 @lru_cache(maxsize=1)
 def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
-    """Tables of the normal distribution function and the inverse Mills ratio, with steps."""
     u = np.arange(
         POWER.lowest_sigmas,
         POWER.highest_sigmas + 2.0 / POWER.table_steps,
@@ -93,12 +92,11 @@ def censored_fit(
 ) -> PowerFit:
     """Fit level, exponent, fading and random misses at each place.
 
-    `loss`, `level_heard_db`: (places, heard) -10 log10 of distance over 100 m, and received
-        levels less the antenna's gain.
+    `loss`, `level_heard_db`: (places, received) -10 log10 of distance over 100 m, and levels
+        less the antenna's gain.
     `missed_loss`, `limit_db`: (places, missed) the same for misses, with upper limits of the
         levels.
     `miss_weight`: number of misses that each represents.
-    `correlation`: correlation of neighbouring pulses' fading, for all places.
     """
     heard = regression_sums(loss, level_heard_db)
     x, z, xx, xz, zz = heard
@@ -160,7 +158,6 @@ def _regressed(
     sigma: _Floats,
     propagation: Propagation,
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Level, exponent and determinant of the regression at each place."""
     prior = (sigma / propagation.exponent_sigma) ** 2
     weighted = share * missed_loss
     ones = count + share.sum(axis=1)
@@ -176,13 +173,9 @@ def _regressed(
 def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> float:
     """Correlation of neighbouring pulses that explains the scatter of means of stretches.
 
-    Errors of the ground model extend over many pulses below their own scatter, where neighbours
-    alone hardly show them. The fit absorbs some of them, so the model's expected error is added
-    to that of the residuals.
-
-    `residual`: shape (n,).
-    `error_db`: standard deviation of the losses' error along the track.
-    `alike`: number of pulses over which this error is constant.
+    Errors of the ground model extend over many pulses. The fit absorbs some of them, so the
+    model's expected error `error_db`, constant over `alike` pulses, is added to that of the
+    `residual` (n,).
     """
     energy = max(float(np.var(residual)), 1e-9)
     inflation = 1.0

@@ -132,7 +132,6 @@ def explanations(
 def _best(
     bearings: FlightBearings, place: tuple[float, float], model: _Model, outlier_share: float
 ) -> Fit:
-    """Best fit of one explanation from several starts; outliers cause several maxima."""
     middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
     fits = []
     for east, north in (place, middle):
@@ -197,7 +196,6 @@ def _fitted(
 def _linearised(
     bearings: FlightBearings, theta: _Floats, ago: _Floats
 ) -> tuple[_Floats, _Floats]:
-    """Residuals (n,) [deg], and derivatives of the expected bearings (n, 5 parameters)."""
     east = theta[0] + theta[3] * ago - bearings.east_m
     north = theta[1] + theta[4] * ago - bearings.north_m
     square = np.maximum(east**2 + north**2, 25.0)
@@ -267,10 +265,7 @@ def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caut
 
 
 def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution, ...]:
-    """Cautions on odd bearings, and on others that scatter too far.
-
-    Two lines always cross somewhere: with an odd bearing, two others confirm nothing.
-    """
+    """Cautions on outliers, and on other bearings that scatter too far."""
     numbers = np.flatnonzero(odd) + 1
     few = len(odd) - len(numbers) < COMMON.least_agreeing
     if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
@@ -283,7 +278,6 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
 
 
 def _contradicting(numbers: NDArray[np.int64]) -> str:
-    """Sentence that names the bearings that contradict the others."""
     if not len(numbers):
         return "the bearings contradict each other more than their errors allow"
     if len(numbers) == 1:

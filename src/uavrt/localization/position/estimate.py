@@ -48,42 +48,38 @@ def estimate_position(
     stations : Stations, optional
         Bearings. One gives a wedge, two or more a place.
     powers : PowerTrack, optional
-        Powers; used by the method ``bayes`` only. Pulses that already went into the bearings
-        must not be given again.
+        Powers, for the method ``bayes``, without pulses already used in the bearings.
     method : str
-        ``"bayes"`` (the default), or ``"track"``, which follows a tag that may move and keeps
-        the resting place of one that nothing contradicts to rest, or ``"mle"``, ``"rmr"``,
-        ``"mest"`` as the original system computes them, or ``"rmr_ahead"``, ``"mest_lenth"`` as
-        they were meant, or one that an installed package adds (docs/how-to/extend.md).
+        ``"bayes"`` (the default); ``"track"``, which follows a tag unless a fixed place
+        explains the data; ``"mle"``, ``"rmr"``, ``"mest"`` as the original system computes
+        them; ``"rmr_ahead"``, ``"mest_lenth"``, which are corrected; or one of an installed
+        package (docs/how-to/extend.md).
     outlier_share : float, optional
         Prior probability that a bearing has nothing to do with the tag; by default 0.05, and
         0.02 for one to three bearings, which cannot expose an outlier.
     heading_sigma_deg : float
         Standard deviation of the error that all headings of the flight share (compass,
-        mounting, declination). It is estimated where the stations determine it; 0 means
-        exact headings.
+        mounting, declination); 0 means exact headings. Stations around the tag estimate it.
     height_sigma_m : float
         Standard deviation of the error that all heights of the powers share (terrain, a tag on
-        a tree). It is estimated where the powers determine it; 0 means exact heights.
+        a tree); 0 means exact heights. Many powers estimate it.
     propagation : Propagation, optional
-        What is known of the path loss.
+        Knowledge of the path loss.
     max_range_m : float, optional
-        How far from the stations or the track the tag may be; 3000 with bearings, else as far
-        as the track is long.
+        Largest distance of the tag from the stations or the track; by default 3000 with
+        bearings, else the length of the track.
     follow : bool
-        To the method ``bayes``: seek also the way of a tag whose bearings or powers contradict
-        a place that rests, at the times that they have.
+        Also compute, with the method ``bayes``, the path of a tag whose timed bearings or
+        powers contradict a fixed place.
     hills : HillLosses, optional
-        The ground, to the method ``bayes``: hills weaken what is heard, and explain silence.
-        Heights of stations and powers then count from the ground at the take-off. None takes
-        the ground for level.
+        Ground for the method ``bayes``: hills weaken pulses and explain missed ones. Heights
+        of stations and powers then count from the ground at the take-off. None is level ground.
 
     Raises
     ------
     UsageError
-        There is nothing to estimate from, powers alone are from one place, arrays differ in
-        length, or the method is unknown or does not come to a position; the text says what to
-        use instead.
+        There are no data, powers alone are from one place, arrays differ in length, or the
+        method is unknown or finds no position; the text says what to use instead.
     """
     _check(stations, powers)
     if method in ("bayes", "track"):
@@ -145,7 +141,6 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
 
 
 def _extent_m(powers: PowerTrack) -> float:
-    """Diagonal of the rectangle around the middle nine tenths of the places [m]."""
     plane = plane_around(powers.latitude_deg, powers.longitude_deg)
     places = plane.to_local(powers.latitude_deg, powers.longitude_deg)
     spans = [np.subtract(*np.quantile(one, [0.95, 0.05])) for one in places]
@@ -199,10 +194,7 @@ def _lenth(stations: Stations, method: str) -> Position:
 
 
 def _of_few(covariance_m2: _Floats | None, stations: int) -> _Floats | None:
-    """Covariance of Lenth's estimate, with the scatter over n - 2 bearings; None for two.
-
-    Two coordinates were fitted; Lenth (1981, Technometrics 23:149) divides by n.
-    """
+    """Covariance of Lenth's estimate, with the scatter over n - 2 bearings; None for two."""
     if covariance_m2 is None or stations < 3:
         return None
     return covariance_m2 * (stations / (stations - 2))

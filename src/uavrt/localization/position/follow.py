@@ -25,11 +25,7 @@ def followed(position: Position, model: Model, follow: Follow) -> Position:
 
     A tag whose data allow a fixed place keeps it, and has a path only on request. The place by
     bearings already allows for walking; where powers contradict a fixed place, the position is
-    the path's end.
-
-    `position`: of a resting tag, or of its bearings' best explanation.
-    `model`: measurements and prior.
-    `follow`: ``"contradicted"`` or ``"always"``.
+    the path's end. `follow`: ``"contradicted"`` or ``"always"``.
     Raises `UsageError`: a path was requested, and times are not known.
     """
     if model.stations is not None:
@@ -85,7 +81,6 @@ def _by_powers(
 
 
 def _on_level_ground(position: Position, model: Model, powers: PowerTrack) -> PowerTrack:
-    """Powers corrected for losses behind hills, as for a tag at the estimated place."""
     if model.hills is None:
         return powers
     place = model.plane.to_local(position.latitude_deg, position.longitude_deg)

@@ -44,8 +44,7 @@ def by_chance_density(heard: Listening) -> float:
     """Density of the power of pulses that are not the tag's [1/dB].
 
     Half of them are noise just above the threshold, and half have any strength. With any
-    strength for all, each weak false pulse would be evidence of a weak tag, and no tag would be
-    judged absent.
+    strength for all, each weak false pulse would be evidence of a weak tag.
     """
     assert heard.snr_db is not None
     over = max(float(heard.snr_db) - float(heard.threshold_db), 0.0)
@@ -56,11 +55,7 @@ def by_chance_density(heard: Listening) -> float:
 
 @lru_cache(maxsize=64)
 def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1).
-
-    A pattern is evaluated for ten thousand places with every pulse; without arc cosines this
-    takes a fifth of the time.
-    """
+    """Gain in and across the plane of the elements, by the cosine off boresight (-1 to 1)."""
     forward = np.linspace(-1.0, 1.0, LEVEL.pattern_steps + 1)
     aside = np.sqrt(1.0 - forward**2)
     none = np.zeros_like(forward)
@@ -207,12 +202,10 @@ class LevelBelief:
     ) -> _Floats:
         """Update with one pulse or miss; returns its log-likelihood at each place.
 
-        `expected_db`: result of `LevelBelief.expected_db`.
         `fading_db`: standard deviation of fading and of other unknown parts of the level.
         `missed_share`: share of pulses missed at any strength.
         `chance_share`: share of pulses that are not the tag's.
         `elsewhere`: density [1/dB] of a pulse of this level from another source.
-        `behind`: ground effect, as given to `expected_db`.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2

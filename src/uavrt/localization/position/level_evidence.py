@@ -23,12 +23,10 @@ class Propagation:
     """Knowledge of the path loss before the flight."""
 
     exponent: float = 2.5
-    """Mean of the path loss exponent: 2 in free space, 4 for a tag on the ground beyond the
-    break point."""
+    """Mean path loss exponent: 2 in free space, 4 beyond the break point over ground."""
     exponent_sigma: float = 0.7
     shadowing_db: float = 3.0
-    """Standard deviation of the effect of ground and plants at a place [dB]; constant during a
-    rotation."""
+    """Standard deviation of the loss by ground and plants at a place [dB]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,16 +44,14 @@ class Levels:
 
 
 class LevelEvidence:
-    """Log-likelihood of places, given levels of bearings and of receivers that never turned.
+    """Log-likelihood of places, given two or more levels of bearings and other receivers.
 
     Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + the receiver's error + a
     normal error. P has a flat prior and n a normal one. The error of a receiver that never
     turned is normal, of one of two widths; that of each of several receivers that turn is
     unknown. All integrate out in closed form.
 
-    `levels`: two or more.
     `listeners`: receivers that never turned, in the order of their numbers.
-    `over_hills`: losses behind hills, without such receivers; None is level ground.
     """
 
     def __init__(
@@ -73,8 +69,7 @@ class LevelEvidence:
         # The unknown gains of receivers that turn contain P.
         several = len(groups) > 0 and not listeners
         self._errors = errors * 1.0 if several else np.insert(errors * 1.0, len(groups), 1.0, 1)
-        """(n, errors) 1 where a level contains each receiver's error or, in the last column,
-        P."""
+        """(n, errors) 1 where a level contains a receiver's error or, in the last column, P."""
         self._own_gains = LEVEL.receiver_gains_db if listeners else ((1.0, 1.0),)
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:
@@ -112,7 +107,6 @@ class LevelEvidence:
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
         """(places,) log-likelihood with P, the receivers' errors and n integrated out.
 
-        `weight`: (places or 1, n) inverse variances.
         `gain_db`: standard deviation of the errors of receivers that never turned.
         """
         errors, listeners = self._errors, len(self._listeners)

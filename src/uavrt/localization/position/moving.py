@@ -125,7 +125,6 @@ def _around(place: tuple[float, float], half_m: float) -> Area:
 
 
 def _posteriors(stations: Stations) -> _Floats:
-    """(n, steps) probability of each direction; an unknown error is a mixture of several."""
     if stations.posterior is not None:
         return stations.posterior
     if stations.sigma_deg is not None:
@@ -151,7 +150,6 @@ def _both_ways(
     plane: TangentPlane,
     origin_ns: int,
 ) -> tuple[TrackPoint, ...]:
-    """Path from a tracker that runs forwards and one that runs backwards in time."""
     points_s = _point_times(times)
     forwards = _trail(priors[0], times, points_s, take)
     backwards = _trail(priors[1], -times, [-one for one in reversed(points_s)], take)[::-1]
@@ -196,7 +194,6 @@ def _trail(
     points_s: list[float],
     take: Callable[[ParticleTracker, int], None],
 ) -> list[TrackEstimate | None]:
-    """Estimates at the path's points by one tracker over all data in order of time."""
     tracker = ParticleTracker(prior, np.random.default_rng(0), particles=TRACK.particles)
     waiting = list(points_s)
     for number in np.argsort(times, kind="stable"):

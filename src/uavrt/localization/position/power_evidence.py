@@ -53,8 +53,7 @@ class PowerTrack:
     yaw_deg: _Floats | None = None
     """(n,) direction of the boresight, clockwise from true north [deg]."""
     time_s: _Floats | None = None
-    """(n,) times of the pulses from any origin, in order [s]; None assumes that the tag
-    rests."""
+    """(n,) rising times of the pulses [s]; None assumes that the tag rests."""
     origin_ns: int = 0
     """UTC of `time_s` 0 [ns]; 0 where unknown."""
 
@@ -236,11 +235,7 @@ _FLOOR_DB = float(monopole_gain_db(90.0))
 
 @lru_cache(maxsize=16)
 def _correlations(count: int) -> _Floats:
-    """(m,) correlations over which the likelihood is summed, for a number of pulses.
-
-    Their Fisher transforms (artanh) are 2.5 standard errors apart: wider steps would replace
-    the true correlation by the nearest one.
-    """
+    """(m,) correlations to sum over, 2.5 standard errors apart in Fisher's transform."""
     step = min(POWER.widest_step, 2.5 / count**0.5)
     return np.asarray(np.tanh(np.arange(0.0, np.arctanh(POWER.most_correlation), step)))
 

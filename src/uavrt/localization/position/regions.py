@@ -12,21 +12,13 @@ _Edge = tuple[int, int, int]
 
 
 def region_outlines(grid: PositionGrid, share: float) -> list[_Floats]:
-    """Outline of the smallest region that holds some share of a probability.
+    """Outline of the smallest region that holds a given probability.
 
-    Parameters
-    ----------
-    grid : PositionGrid
-        A position's heat map.
-    share : float
-        0.5 or 0.95, say.
-
-    Returns
-    -------
-    list of (k, 2) float64 arrays
-        Closed rings of longitude and latitude [deg], the first place repeated at the end;
-        outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the search area
-        cuts is closed along its edge.
+    `grid`: heat map of a position.
+    `share`: the probability, such as 0.5 or 0.95.
+    Returns: closed rings (k, 2) of longitude and latitude [deg], the first place repeated at
+        the end; outer rings counter-clockwise, holes clockwise (RFC 7946). A region that the
+        search area cuts is closed along its edge.
     """
     grid_east, grid_north, probability = refined(
         np.asarray(grid.east_m), np.asarray(grid.north_m), grid.probability
@@ -123,7 +115,6 @@ def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
 
 
 def _crossing(values: _Floats, level: float, edge: _Edge) -> tuple[float, float]:
-    """Row and column where the level lies on an edge, by linear interpolation."""
     row, column, down = edge
     here = float(values[row, column])
     there = float(values[row + down, column + 1 - down])

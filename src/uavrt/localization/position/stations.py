@@ -25,8 +25,7 @@ class Stations:
     posterior: _Floats | None = None
     """(n, 360) probability of whole degrees; replaces `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight [dB], NaN where unknown, as for a bearing noted by hand.
-    Differences show the distance to the method ``bayes``."""
+    """(n,) SNR on boresight [dB], NaN where unknown. Differences show the distance."""
     level_sigma_db: _Floats | None = None
     """(n,) standard deviations of the levels [dB]; None is 0."""
     height_m: _Floats | None = None

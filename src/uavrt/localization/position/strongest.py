@@ -28,8 +28,7 @@ class StrongestSignal:
     snr_db: float
     """Mean SNR of the pulses at the place [dB]."""
     ring_radius_m: float
-    """Distance of the tag from the place, for a monopole and a path loss exponent of 2.5
-    [m]."""
+    """Distance of the tag from the place [m], for a monopole and a loss exponent of 2.5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,15 +77,13 @@ class SignalSection:
 
 
 def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
-    """Divide heights into the layers in which a survey was flown, lowest first.
+    """Divide heights (n,) into the layers in which a survey was flown, lowest first.
 
     A drone holds its height to a few metres: fixed layers of 10 m would split one level flight
     at 40 m in two. So heights are divided where 5 m are empty, and ranges above 15 m, such as a
     climb, into equal layers of 10 m at most.
 
-    `height_m` (n,): heights of the pulses, n ≥ 1.
-    Returns: each (low, high). Each height lies in exactly one: low ≤ height < high, of the last
-    one ≤ high.
+    Returns: low and high of each layer, low ≤ height < high; the last one includes its high.
     """
     ordered = np.sort(height_m)
     bands: list[tuple[float, float]] = []
@@ -139,7 +136,6 @@ def signal_section(
 
 
 def _edges(low: float, high: float, cells: int, least: float) -> _Floats:
-    """Edges of equal cells, with a largest number and a least width."""
     count = max(1, min(cells, int((high - low) / least)))
     return np.linspace(low, max(high, low + least), count + 1)
 

@@ -131,7 +131,6 @@ class SurveyEvidence:
         return self._evidence(0.0).correlation_at_best(east, north)
 
     def _coarsely(self, count: int) -> tuple[_Floats, _Floats]:
-        """East and north coordinates of a coarse grid over the survey [m]."""
         margin_m = SURVEY.margin_m
         east, north = (
             np.linspace(float(axis.min()) - margin_m, float(axis.max()) + margin_m, count)
@@ -281,7 +280,6 @@ class SurveyEvidence:
         return np.asarray(nodes)
 
     def _weights(self, shifts_m: _Floats, place: tuple[float, float], step_m: float) -> _Floats:
-        """(shifts,) probability of each height error, over places around one."""
         off = np.linspace(-1.5 * step_m, 1.5 * step_m, SURVEY.fine_cells)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
         each = [self._evidence(float(shift)) for shift in shifts_m]
@@ -325,11 +323,7 @@ def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
 
 
 def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
-    """Deviation of pulses from neighbours' estimate (places, n), and its standard deviation.
-
-    Correlated fading makes neighbours similar, so a pulse may be an outlier among them that is
-    usual elsewhere. The similarity is measured by medians, which one outlier does not move.
-    """
+    """Deviation of pulses from neighbours' estimate (places, n), and its standard deviation."""
     padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
     count = residual.shape[1]
     around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
@@ -354,7 +348,6 @@ def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
 
 
 def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floats) -> PowerFit:
-    """Level and exponent at each place, by the fit with the best score (fits, places)."""
     best = np.argmax(score, axis=0)[None]
     return PowerFit(
         log_likelihood=log_likelihood,
@@ -364,10 +357,7 @@ def _most_likely(fits: Sequence[PowerFit], score: _Floats, log_likelihood: _Floa
 
 
 def _over_heights(score: _Floats) -> _Floats:
-    """(places,) logarithm of the integral over three evenly spaced heights (3, places).
-
-    A parabola through the three, for each place, also finds heights between them.
-    """
+    """(places,) log-integral over three evenly spaced heights (3, places), by a parabola."""
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), SURVEY.least_bend)
     slope = 0.5 * (high - low)

@@ -33,8 +33,7 @@ class SurveyWalk:
     place: tuple[float, float]
     """East and north of the tag in the middle of the flight [m]."""
     fading_db: float
-    """Standard deviation of fading [dB], increased where neighbours are correlated, so that
-    pulses count as independent."""
+    """Standard deviation of fading [dB], increased for the correlation of neighbours."""
 
     def at(self, since_s: float) -> tuple[float, float]:
         """East and north of the tag at a time after the middle of the flight [m]."""
@@ -172,7 +171,6 @@ def _best(
     cells: int,
     step_m_s: float = 0.0,
 ) -> _Peak:
-    """Best place and velocity on a grid; the score includes the velocity's prior."""
     east = np.linspace(around.west_m, around.east_m, cells)
     north = np.linspace(around.south_m, around.north_m, cells)
     y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))

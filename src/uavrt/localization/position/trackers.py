@@ -29,11 +29,7 @@ from uavrt.terrain.hill_losses import HillLosses
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]
 PathGain = Callable[[_Floats, _Floats, _Floats | float], _Floats]
-"""Function that gives the level over plain spreading [dB], such as by a reflection or a hill.
-
-Its inputs are distances east and north from the drone to the tag [m], and the drone's height
-above the tag [m].
-"""
+"""Level over plain spreading [dB], from distances east and north and the drone's height [m]."""
 
 RESTING, BROWSING, TRAVELLING = range(3)
 
@@ -60,8 +56,7 @@ class TagPrior:
 
     area: Area
     level_db: float = 45.0
-    """Mean SNR at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km at an exponent of
-    2.5."""
+    """Mean SNR at 100 m [dB]: a 20 ms collar received with 9 dB from 3 km."""
     level_sigma_db: float = 12.0
     level_drift_db_per_root_s: float = 0.0
     """Random walk of the strength [dB/√s]: the animal turns, plants intervene."""
@@ -86,8 +81,7 @@ class TagPrior:
     path_gain: PathGain | None = None
     """Level over plain spreading by a propagation model; None is plain spreading."""
     hills: HillLosses | None = None
-    """Ground model in the tracker's plane; None is level ground. With it, heights of the drone
-    count from a tag at the take-off."""
+    """Ground model; None is level. Heights then count from a tag at the take-off."""
 
 
 def _estimate(
@@ -141,8 +135,7 @@ class Expectation:
     variance_db2: float
     """Variance of the expected SNR, fading included [dB²]."""
     log_probability: float
-    """Log-probability of the received pulse or miss if the tag is there; for a pulse, of its
-    density per decibel."""
+    """Log-probability of a miss, or log-density of a pulse [1/dB], if the tag is there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,11 +218,7 @@ class _Remembered:
 
 
 class _Walk:
-    """Motion model: initial hypotheses, and their movement with time.
-
-    Three motions with transitions between them (interacting multiple models): resting, a random
-    walk, and a nearly constant velocity.
-    """
+    """Motion model: hypotheses rest, walk randomly or travel, and change between these."""
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
@@ -238,11 +227,9 @@ class _Walk:
         self._since_s = 0.0
 
     def normal(self, count: int) -> _Singles:
-        """Draw standard normal numbers in single precision."""
         return self._rng.standard_normal(count, dtype=np.float32)
 
     def fresh(self, count: int) -> _Particles:
-        """Draw hypotheses from the prior."""
         prior, rng = self._prior, self._rng
         area = prior.area
         mode = self._modes(count)
@@ -274,7 +261,6 @@ class _Walk:
         return np.clip(exponent, 1.8, 4.2)
 
     def _modes(self, count: int) -> NDArray[np.int8]:
-        """Draw motions by their shares; a tag that never travels browses or rests instead."""
         rest, browse, travel = self._prior.motion
         if self._prior.travelling_m_s <= 0.0:
             browse, travel = browse + travel, 0.0
@@ -285,7 +271,6 @@ class _Walk:
         return np.asarray(np.searchsorted(shares[:2], drawn, side="right"), np.int8)
 
     def _velocities(self, mode: NDArray[np.int8]) -> _Singles:
-        """(2, count) velocities of travelling hypotheses: random directions, usual speed."""
         velocity = np.zeros((2, len(mode)), np.float32)
         moving = np.flatnonzero(mode == TRAVELLING)
         sigma = self._prior.travelling_m_s * float(np.sqrt(2.0 / np.pi))
@@ -339,7 +324,6 @@ class _Walk:
             state.loss_error[:, 2] *= kept
 
     def _switch(self, state: _Particles, step: float) -> None:
-        """Change the motion of a random part of the hypotheses."""
         if max(self._prior.motion) >= sum(self._prior.motion):
             return
         count = len(state.mode)
@@ -405,7 +389,6 @@ class _Past:
         self._remembered: list[_Remembered] = []
 
     def remember(self, state: _Particles) -> None:
-        """Store the hypotheses' present places."""
         self._remembered.append(
             _Remembered(
                 east_m=state.east_m.copy(), north_m=state.north_m.copy(), origin=state.origin
@@ -414,7 +397,6 @@ class _Past:
         state.origin = np.arange(len(state.mode), dtype=np.int32)
 
     def trail(self, state: _Particles, kept: NDArray[np.intp]) -> list[TrackEstimate | None]:
-        """Estimates of the tag's place at stored times, by the hypotheses' ancestors."""
         found: list[TrackEstimate | None] = []
         level = state.mean_db[kept]
         index = state.origin[kept]
@@ -644,11 +626,7 @@ class ParticleTracker:
         return evidence
 
     def _wonder(self, nats: float) -> None:
-        """Sum how much less likely pulses are than by chance; expected pulses reduce it.
-
-        A large sum draws new hypotheses; otherwise they are resampled where few have most of
-        the weight.
-        """
+        """Sum how much less likely pulses are than by chance; a large sum draws hypotheses."""
         self._surprise = max(0.0, self._surprise + nats)
         if self._surprise > TRACK.lost_nats:
             self._renew()
@@ -661,7 +639,6 @@ class ParticleTracker:
             self._even()
 
     def _renew(self) -> None:
-        """Draw half of the hypotheses again, because the tag is not where they were."""
         half = self._count // 2
         kept = self._walk.resampled(self._state, self._weight, self._count - half)
         self._state = kept.joined(self._walk.fresh(half))

@@ -12,18 +12,15 @@ class GridTuning:
     held: float = 6e-4
     """Probability in a cell above which it is quartered."""
     held_rough: float = 2e-6
-    """Probability above which a cell with an uneven density is quartered: a narrow peak may be
-    hidden in it."""
+    """Probability above which an uneven cell, which may hide a peak, is quartered."""
     rough_nats: float = 1.0
     """Difference of log-density between a cell's quarters above which it is uneven [nats]."""
     added_nats: float = 0.1
     """Change of a cell's log-likelihood by further data above which it may be uneven [nats]."""
     overlooked_nats: float = 7.0
-    """Log-density below the best within which a wide cell's corner may be an overlooked peak
-    [nats]."""
+    """Log-density below the best within which a cell's corner may be a peak [nats]."""
     edge_share: float = 0.005
-    """Probability of the outermost cells above which the area is too small for the
-    posterior."""
+    """Probability of the outermost cells above which the area cuts the posterior."""
     least_width_m: float = 0.1
     """Width below which a cell is not quartered [m]."""
     rounds: int = 18
@@ -34,8 +31,7 @@ class GridTuning:
     """Number of cells along a side of the even grid on which the maximum is found."""
 
     bearing_range_m: float = 3000.0
-    """Distance from the stations within which a tag is searched, unless a range is given
-    [m]."""
+    """Distance from the stations within which a tag is searched by default [m]."""
     near_m: float = 100.0
     """Distance from the stations within which the prior is uniform [m]."""
     peak_heights: float = 0.25
@@ -50,14 +46,12 @@ class GridTuning:
     survey_first_cells: int = 28
     """Number of first cells along the longer side for the powers of a survey."""
     survey_held: float = 2e-3
-    """Probability above which a survey's cells are quartered; smaller ones change neither
-    circles nor mean."""
+    """Probability above which a survey's cells are quartered; less changes no circle."""
     survey_growth: float = 2.0
     """Growth of `held_rough` with each quartering, for surveys. Without it, 95 % circles are
     0.3 % wider, at half as many cells again."""
     power_cells: int = 44
-    """Number of cells along a side of the map of a position by powers; a position of some
-    hundred pulses then takes less than 150 ms."""
+    """Number of cells along a side of the map of a position by powers: within 150 ms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,8 +84,7 @@ class CommonErrorTuning:
     """Errors that bearings of a flight share: compass, walk of the animal, outliers."""
 
     heading_sigma_deg: float = 1.5
-    """Default standard deviation of the error that all headings of a flight share [°]: a
-    calibrated compass, a mounting by eye, and the declination."""
+    """Default standard deviation of the error that all headings of a flight share [°]."""
     least_stations: int = 4
     """Least number of bearings from which common errors are estimated."""
     widest_gap_deg: float = 210.0
@@ -107,8 +100,7 @@ class CommonErrorTuning:
     least_span_s: float = 20.0
     """Least time between first and last bearing that can show a walk [s]."""
     contradiction: float = 0.01
-    """Probability of the bearings' scatter below which they contradict each other: in one of a
-    hundred flights by chance."""
+    """Probability of the scatter, by chance, below which bearings contradict each other."""
     good_outlier: float = 0.1
     """Outlier probability below which a bearing is a good one in any case."""
     least_agreeing: int = 3
@@ -153,23 +145,20 @@ class PowerTuning:
     table_steps: int = 64
     """Number of their steps in one standard deviation."""
     stretches: tuple[int, ...] = (8, 16, 32)
-    """Lengths of stretches of the track in which residuals are averaged [pulses]; the scatter
-    of their means shows errors that last."""
+    """Lengths of stretches in which residuals are averaged to find lasting errors [pulses]."""
     least_stretches: int = 5
     """Least number of stretches that shows the scatter of their means."""
     most_lasting: float = 0.98
     """Largest correlation of neighbouring pulses that is estimated from these means."""
 
     hill_error: float = 0.25
-    """Standard deviation of a loss behind hills, as a share of it: heights of 30 m squares
-    without trees, and one edge in place of a hill."""
+    """Standard deviation of a loss behind hills, as a share: coarse map, trees, one edge."""
     hill_factors: tuple[tuple[float, float], ...] = (
         (0.65, 1.0 / 6.0),
         (1.0, 2.0 / 3.0),
         (1.35, 1.0 / 6.0),
     )
-    """Candidate common factors on all losses of a flight, each with its probability: three
-    nodes of Gauss-Hermite quadrature."""
+    """Candidate factors on all hill losses and their probabilities, by Gauss-Hermite."""
     hidden_db: float = 0.5
     """Loss above which a pulse counts as hidden behind a hill [dB]."""
     map_error_db: float = 2.0
@@ -206,8 +195,7 @@ class SurveyTuning:
     least_sigma_m: float = 1.5
     """Least standard deviation of the height for these nodes [m]."""
     least_bend: float = 0.05
-    """Least curvature of the log-likelihood's parabola through these nodes [nats]. Its peak
-    must lie between them; farther out it exceeds the true value."""
+    """Least curvature of the parabola through these nodes' log-likelihoods [nats]."""
 
     foreign_share: float = 0.02
     """Prior share of pulses that another sender transmitted."""
@@ -220,8 +208,7 @@ class SurveyTuning:
     fading_shares: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
     """Candidate shares of a pulse's fading that its neighbours have, too."""
     most_foreign: float = 0.25
-    """Largest share of foreign pulses; with more, the model is wrong, and no pulse is left
-    out."""
+    """Largest share of foreign pulses; with more, no pulse is left out."""
     least_pulses: int = 20
     """Least number of pulses from which heights and foreign pulses are determined."""
     received_share: float = 0.95
@@ -232,8 +219,7 @@ class SurveyTuning:
     fine_cells: int = 9
     """Number of cells along a side of the grid on which heights are compared."""
     rough_places: int = 2
-    """Number of coarse cells, no neighbours, that are refined: the most likely one may be that
-    of a mirror image."""
+    """Number of coarse cells that are refined; the likeliest may be a mirror image's."""
     rough_fine: int = 7
     """Number of cells along a side of a refined coarse cell."""
     rough_pulses: int = 400
@@ -241,13 +227,11 @@ class SurveyTuning:
     margin_m: float = 60.0
     """Margin of the coarse grid around the track [m]."""
     mirror_reach: float = 1.75
-    """Distance from the approximate place within which mirror images are searched [coarse
-    steps]; at most the spacing of two lines."""
+    """Distance within which mirror images are searched [coarse steps]."""
     mirror_cells: int = 15
     """Number of cells along a side of that search."""
     mirror_nats: float = 20.0
-    """Log-likelihood below the best within which such a place is examined [nats]; with
-    correlated fading it is some 4."""
+    """Log-likelihood below the best within which such a place is examined [nats]."""
     least_db: float = 0.05
     """Least residual scatter of powers [dB]: their resolution."""
     freedom: float = 3.0
@@ -295,15 +279,13 @@ class LevelTuning:
     any_strength_per_db: float = 1.0 / 120.0
     """Density of a pulse's power when any strength is equally probable [1/dB]."""
     false_pulse_db: float = 3.0
-    """Mean power of false pulses above the threshold [dB]; their density decays
-    exponentially."""
+    """Mean power of false pulses above the threshold [dB], exponentially distributed."""
     root_two_pi: float = 2.506_628_275
     """Square root of 2π."""
     least_share: float = 1e-30
     """Least probability of a pulse or a miss by chance, which keeps logarithms finite."""
     pattern_steps: int = 4096
-    """Number of steps of a pattern's table over the cosine off boresight: 1.8° at boresight,
-    where the pattern is flat, and 0.03° across it."""
+    """Number of steps of a pattern's table over the cosine off boresight: up to 1.8°."""
     tail_step: float = 0.005
     """Step of the table of the normal distribution's tail [standard deviations]."""
     tail_sigmas: float = 12.0
@@ -319,15 +301,13 @@ class LossErrorTuning:
     """Error of the losses behind hills, relative to those by the elevation map."""
 
     mean: float = 0.4
-    """Mean of the error: round tops take up to twice a sharp edge's loss (P.526-15, 4.2), and
-    woods add to it."""
+    """Mean of the error: round tops lose up to twice as much (P.526-15, 4.2), woods more."""
     sigma: float = 0.5
     """Standard deviation of the error before any pulse."""
     correlation_m: float = 800.0
     """Length of the drone's path after which two errors are correlated by 1 / e [m]."""
     pulse_share: float = 0.05
-    """Standard deviation of the part that differs from pulse to pulse, as a share of the
-    loss."""
+    """Standard deviation of each pulse's own part, as a share of the loss."""
     limits: tuple[float, float] = (-0.7, 2.5)
     """Least and largest mean of the error after pulses."""
     grazing_db: float = 6.0
@@ -351,8 +331,7 @@ class TrackTuning:
     switching_per_s: float = 0.005
     """Rate at which an animal changes between rest, browsing and travel [1/s]."""
     lost_nats: float = 12.0
-    """Measure of a lost track at which hypotheses are drawn again [nats]: log-probability of
-    the pulses below that by chance."""
+    """Log-probability of pulses below chance at which hypotheses are drawn again [nats]."""
     paths: int = 4000
     """Number of hypotheses whose paths are smoothed after the flight."""
 
@@ -365,8 +344,7 @@ class TrackTuning:
     most_points: int = 40
     """Largest number of such points."""
     fastest_m_s: float = 2.0
-    """Largest mean speed at which an animal leaves the place found for the whole flight
-    [m/s]."""
+    """Largest mean speed at which an animal leaves the place found for a flight [m/s]."""
     margin_m: float = 300.0
     """Margin around the searched area of a path by bearings [m]."""
     end_m: float = 120.0

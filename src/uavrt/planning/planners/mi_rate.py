@@ -53,11 +53,9 @@ class _PathRating:
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing information of every tag above which all directions and a turn are rated
-    [nats]."""
+    """Missing information of every tag above which all directions are rated [nats]."""
     change_gain: float = 0.15
-    """Relative gain in information rate for which the drone changes to another tag near animals
-    or drones. Each refused path there changes rates."""
+    """Relative gain for which the drone changes to another tag near animals or drones."""
     turn_nats: float = 1.5
     """Least information on an animal that may be near for which a turn is made [nats]."""
     near_probability: float = 0.25
@@ -190,7 +188,6 @@ class MiRate:
     def _towards(
         self, situation: Situation, belief: TagBelief
     ) -> list[tuple[_Floats, _Floats]]:
-        """Ends of paths to a tag and past it on both sides; around a wide posterior, too."""
         state, rule, place = situation.state, situation.keep_away, belief.spread()
         start, middle = (state.east_m, state.north_m), (place.east_m, place.north_m)
         if rule is None:
@@ -232,11 +229,7 @@ class MiRate:
         )
 
     def _stays(self, situation: Situation) -> Decision | None:
-        """Wait in place, or turn if an animal may be near and its position is vague.
-
-        Without knowledge of an animal every path leads towards it as likely as away. A turn
-        locates it before it walks to the drone.
-        """
+        """Wait, or turn to locate an animal that may be near; None if neither helps."""
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
@@ -265,12 +258,10 @@ class MiRate:
         )
 
     def _turns(self, situation: Situation) -> bool:
-        """True if a turn in place is possible and gives information."""
         directional = any(one.prior.pattern is not None for one in situation.wanted)
         return situation.vehicle.hovers and directional and self._rotation_s > 0.0
 
     def _nats(self, situation: Situation, legs: Legs) -> _Floats:
-        """(tags, ways) information on each tag not yet found, beyond that of other drones."""
         drones = situation.others
         others = None if drones is None else drones.legs(situation.state.time_s)
         return information_nats(
@@ -306,10 +297,7 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """(ways,) rate over each path and a following round of all tags.
-
-    The round goes to the nearest tag each time, without those finished on the path itself.
-    """
+    """(ways,) rate over each path and a following round to the nearest tag each time."""
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])

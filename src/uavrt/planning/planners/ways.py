@@ -84,10 +84,7 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths that come too close to those of other drones.
-
-    For drones that are too close already, only paths that bring them closer are refused.
-    """
+    """Refuse paths close to other drones' paths; a drone already close may only leave."""
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -112,10 +109,7 @@ def here(situation: Situation) -> Ways:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths of a fixed wing by the curves that it would actually fly.
-
-    At the end of each there must be room for a circle on either side to turn back.
-    """
+    """Refuse paths of a fixed wing whose actual curves, or a turn back, are not allowed."""
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -167,15 +161,4 @@ def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: in
         east_m=np.full((1, samples), state.east_m),
         north_m=np.full((1, samples), state.north_m),
         yaw_deg=(state.yaw_deg + turn_deg * shares)[None],
-    )
-
-
-def some_of(legs: Legs, numbers: NDArray[np.intp]) -> Legs:
-    """Paths selected by index."""
-    return Legs(
-        duration_s=legs.duration_s[numbers],
-        time_s=legs.time_s[numbers],
-        east_m=legs.east_m[numbers],
-        north_m=legs.north_m[numbers],
-        yaw_deg=legs.yaw_deg[numbers],
     )
