@@ -1,4 +1,4 @@
-"""A survey as GPX 1.1: positions as waypoints, the flight and tags that moved as tracks."""
+"""Export a survey as GPX 1.1: positions as waypoints, flight and moving tags as tracks."""
 
 import math
 from xml.etree import ElementTree as ET
@@ -13,9 +13,7 @@ NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
 def gpx_text(survey: Survey) -> str:
-    """Write positions as waypoints, the flight and moving tags as tracks, for a handheld
-    receiver.
-    """
+    """Write the waypoints and tracks of a survey as GPX text, for a handheld receiver."""
     root = ET.Element("gpx", version="1.1", creator=f"uavrt {uavrt.__version__}")
     root.set("xmlns", NAMESPACE)
     metadata = ET.SubElement(root, "metadata")

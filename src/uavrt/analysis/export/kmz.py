@@ -1,6 +1,6 @@
-"""A survey as KMZ (OGC KML 2.2 in a zip): opens in Google Earth without any network.
+"""Export a survey as KMZ (OGC KML 2.2 in a zip), which Google Earth opens without a network.
 
-Styles stand once; the icon and each tag's heat map travel inside the file.
+The icon and each tag's heat map are files in the zip; styles are defined once.
 """
 
 import io
@@ -47,7 +47,7 @@ _PICTURES = ("GroundOverlay", "Icon")
 
 
 def kmz_bytes(survey: Survey) -> bytes:
-    """Write track, and for each tag its pulses, bearings, position and heat map."""
+    """Write the track, and pulses, bearings, position and heat map of each tag."""
     files: dict[str, bytes] = {"files/dot.png": png_bytes(disc(7, (31, 119, 180)))}
     files["files/ring.png"] = png_bytes(disc(7, (204, 121, 167)))
     files["files/tag.png"] = png_bytes(disc(11, (215, 40, 40)))
@@ -72,7 +72,7 @@ def kml_text(survey: Survey) -> str:
 
 
 def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
-    """Make the KML, and add the pictures that it names to `files`."""
+    """Make the KML document, and add the pictures that it refers to to `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     _text(document, "name", survey.name)
@@ -178,7 +178,7 @@ def _way(folder: ET.Element, name: str, position: Position) -> None:
 
 
 def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
-    """Strongest place and signal colours around it, marked as not the tag's place."""
+    """Placemark of the strongest signal, and a signal map, labelled as not the tag's place."""
     found = survey.signal_of(tag_id)
     if found is None:
         return
@@ -205,7 +205,7 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
 
 
 def _start_amsl_m(survey: Survey) -> float:
-    """Altitude above sea level that the survey's heights start from [m]; NaN where unknown."""
+    """Altitude above mean sea level of the survey's height reference [m]; NaN where unknown."""
     first = survey.track[0]
     return first.altitude_amsl_m - first.altitude_relative_m
 
@@ -265,7 +265,7 @@ def _overlay(
     *,
     amsl_m: float | None = None,
 ) -> None:
-    """Overlay a picture on the ground, or at a height above the sea and hidden at first."""
+    """Ground overlay of a picture; at a height above sea level it is hidden at first."""
     overlay = ET.SubElement(folder, "GroundOverlay")
     _text(overlay, "name", name)
     if amsl_m is not None:
@@ -283,8 +283,8 @@ def _overlay(
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
     """West, south, east and north edge of a heat map [deg], along its middle lines.
 
-    The cells are squares of the tangent plane. At 3 km and 60° latitude this is off by 1.2 m,
-    far less than a cell.
+    The cells are squares of the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
+    less than a cell.
     """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))

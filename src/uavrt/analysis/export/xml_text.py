@@ -1,4 +1,4 @@
-"""User-entered text made safe for XML."""
+"""Make user-entered text safe for XML."""
 
 
 def printable(text: str | None) -> str:

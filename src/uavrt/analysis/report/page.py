@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML file."""
+"""Make the report as one self-contained HTML file."""
 
 from html import escape
 
@@ -40,7 +40,7 @@ th { font-weight: 600; color: var(--soft); }
 
 
 def html_page(survey: Survey) -> str:
-    """Write the whole page; raises `UsageError` without matplotlib."""
+    """Make the report's HTML; raises `UsageError` without matplotlib."""
     with styled():
         body = [
             f"<h1>{escape(survey.name)}</h1>",

@@ -1,4 +1,4 @@
-"""Maps of where tags would have been heard, from dark blue (not) to yellow (surely)."""
+"""Draw coverage maps, from dark blue (tag not detectable) to yellow (certainly detected)."""
 
 import io
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ CAPTION = (
 
 
 def account(survey: Survey, one: SilentMap) -> list[str]:
-    """Sentences that summarise a coverage map."""
+    """Sentences that summarise the coverage map of a tag that was not found."""
     found = one.coverage
     if one.heard_pulses:
         silent = f"It was heard ({one.heard_pulses} confirmed pulses)."
@@ -44,13 +44,13 @@ def account(survey: Survey, one: SilentMap) -> list[str]:
 
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
-    """Draw the map under the flown path."""
+    """Draw a coverage map under the flown path."""
     chart = _draw(target, survey, one.coverage, "would have been heard")
     draw_track(chart, survey)
 
 
 def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """PNG of a coverage map as in the report, with the path `way` (longitude, latitude)."""
+    """Draw a coverage map as in the report, with the path `way` (longitude, latitude)."""
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)
