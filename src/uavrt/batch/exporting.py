@@ -1,4 +1,4 @@
-"""Export archives to files for other tools: by flight, and GeoParquet of all flights."""
+"""Export an archive to files for other tools: one folder per flight, GeoParquet of all."""
 
 import json
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Export formats; the tables lack heat maps and their outlines, which `uavrt export` makes."""
+"""Export formats of archives; tables lack the heat maps that `uavrt export` writes."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
@@ -92,7 +92,7 @@ def export_archive(
 
 
 def folder_for(directory: Path, flight: str) -> Path:
-    """Folder name for a flight: its name, made valid on every system."""
+    """Folder name of a flight, made valid for all operating systems."""
     parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
     return directory.joinpath(
         *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)
@@ -231,9 +231,9 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
 
 
 def with_points(rows: "pa.Table") -> "pa.Table":
-    """Add a column `geometry` of points, and GeoParquet 1.1 metadata.
+    """Add a column `geometry` of points, and the metadata of GeoParquet 1.1.
 
-    `rows`: with latitude_deg and longitude_deg. Without `crs` the coordinates are longitude and
+    `rows` have latitude_deg and longitude_deg. Without `crs`, coordinates are longitude and
     latitude of WGS 84 (https://geoparquet.org/releases/v1.1.0/).
     """
     import pyarrow as pa

@@ -1,4 +1,4 @@
-"""Parallel tasks in separate processes; a crash costs only its task."""
+"""Run tasks in parallel in separate processes; a crash costs only its task."""
 
 import multiprocessing
 import signal
@@ -13,7 +13,7 @@ from uavrt.errors import UavrtError
 from uavrt.ipc.parent import die_with_parent
 
 MOST_DEATHS = 3
-"""Worker crashes on the same cell after which it is skipped."""
+"""Number of worker crashes on one task after which it is skipped."""
 _LOOK_S = 0.3
 
 
@@ -22,18 +22,18 @@ R = TypeVar("R")
 
 
 class Task(Protocol[R_co]):
-    """A picklable task of a worker."""
+    """Interface of a task that is pickled and sent to a worker."""
 
     def packed(self) -> "Task[R_co]":
-        """Load the data that the worker needs."""
+        """Copy of the task with the data that a worker needs."""
 
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> R_co | None:
-        """Run it, and report progress; None: stopped before the end."""
+        """Run the task and report progress; None if stopped before the end."""
 
     def failed(self, fault: str) -> R_co:
-        """Result for a task that could not be done."""
+        """Result with the reason why the task could not be done."""
 
 
 def run_tasks(
@@ -43,11 +43,10 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks; yield each one's number and result as it is done.
+    """Run tasks in `workers` processes, and yield number and result of each when done.
 
-    `workers`: how many at a time; with one, this process does the work.
-    `should_stop`: called several times a second; True ends it.
-    `on_done`: receives the amount done since its last call.
+    With one worker, this process does the work. `should_stop` is called several times a second;
+    true ends the run. `on_done` receives the amount done since its last call.
     """
     if workers <= 1:
         for number, task in enumerate(tasks):
@@ -72,26 +71,26 @@ def run_tasks(
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """Numbers of unfinished tasks."""
+    """Numbers of unfinished tasks: not started, and to be tried alone after a crash."""
 
     undone: list[int]
     in_hand: list[int]
 
 
 class Crew(Protocol):
-    """Interface of a set of workers."""
+    """Interface of a pool of workers."""
 
     def at_once(self) -> int:
-        """Number of tasks to hand out."""
+        """Number of tasks to submit at a time."""
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
-        """Hand out a task."""
+        """Submit a task to a worker."""
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Take a result; raises BrokenProcessPool when the crew has broken up."""
+        """Result of a finished task; raises BrokenProcessPool if a worker crashed."""
 
     def done(self) -> int:
-        """Amount done by all of them."""
+        """Amount of work done by all workers."""
 
 
 def side_by_side(
@@ -101,9 +100,9 @@ def side_by_side(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Left]:
-    """Yield tasks as they are done; return those left when the crew has broken up.
+    """Run tasks in a pool, and yield them when done; returns unfinished ones after a crash.
 
-    When the run is to stop, tasks in progress are abandoned and done again later.
+    If the run is to stop, tasks in progress are abandoned, to be done by the next run.
     """
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
@@ -143,7 +142,7 @@ def side_by_side(
 
 
 def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
-    """Pack a task and hand it out; a task that cannot be packed has failed."""
+    """Pack a task and submit it; if packing fails, the task has failed."""
     try:
         return crew.submit(task.packed())
     except UavrtError as error:
@@ -153,7 +152,7 @@ def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
 
 
 class _Pool:
-    """Processes of this machine, until one of them dies."""
+    """Pool of processes on this machine, usable until one of them crashes."""
 
     def __init__(self, workers: int) -> None:
         # A fresh interpreter each: a fork would copy the threads' locks as they are.
@@ -199,7 +198,7 @@ _shared: list[Any] = []
 
 
 def _begin(done: Any) -> None:
-    """Prepare a worker: ignore Ctrl-C, end with the parent, which holds the output's lock."""
+    """Prepare a worker process: ignore Ctrl-C, and end with the parent."""
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _shared[:] = [done]
@@ -229,7 +228,7 @@ def guarded(
 def worked(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error costs the task, not the run."""
+    """Run a task; an unexpected error fails the task, not the run."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Tags received so far in the current flight: number of pulses, and time of the last."""
+"""Tags received so far in the flight in progress: number of pulses, and time of the last."""
 
 import sqlite3
 from contextlib import closing
@@ -12,9 +12,9 @@ _HEARD = "SELECT tag_id, COUNT(*), MAX(end_time_ns) FROM pulses WHERE confirmed 
 
 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """By tag id: its number of confirmed pulses in the flight, and the end of the newest [ns].
+    """Number of confirmed pulses of each tag in the flight, and the end of the newest [ns].
 
-    Tags without any are left out. Raises `RecordingError` if the database cannot be read.
+    Tags without pulses are left out. Raises `RecordingError` if the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:

@@ -1,7 +1,6 @@
-"""Recorded pulses that have not reached the ground; the flight's database is the spool.
+"""Find recorded pulses that have not reached the ground, in the flight's database.
 
-A delivery is a row linked to its pulse, and a pulse without one is read from the recorded
-pulses.
+A delivery is a row linked to its pulse.
 """
 
 import sqlite3
@@ -25,12 +24,12 @@ _UNDELIVERED = (
 def undelivered(
     directory: str | Path, store: int, limit: int, without: Collection[tuple[int, int]] = ()
 ) -> tuple[list[PulsePose], bool]:
-    """Get recorded pulses that a store lacks, the newest first.
+    """Recorded pulses that a ground station lacks, the newest first, and whether there are
+    more.
 
-    `directory`: the flight. `store`: number of the store; 0: pulses no station was sent or has:
-    after a restart, plain stations get no old pulses. `limit`: how many at most. `without`: tag
-    id and start time of pulses to leave out. Returns the pulses, and whether there are more.
-    Raises `RecordingError` if the database cannot be read.
+    `store` is the station's number. With 0, only pulses sent to no station at all are returned:
+    plain stations get no old pulses after a restart. Pulses in `without` (tag id, start time)
+    are excluded. Raises `RecordingError` if the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:
@@ -46,7 +45,7 @@ def undelivered(
 
 
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
-    """Note deliveries in a closed flight; raises `RecordingError` if it cannot be written."""
+    """Record deliveries in a closed flight; raises `RecordingError` if not writable."""
     path = FlightLayout(Path(directory)).database
     rows = [
         (delivered.store, delivered.time_ns, tag_id, start_time_ns)

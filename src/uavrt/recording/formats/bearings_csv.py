@@ -1,11 +1,11 @@
-"""``bearings.csv`` as the original's uavrt_bearing writes it: read and write.
+"""Read and write the original system's ``bearings.csv``, and read bearings noted by hand.
 
 No heading, ten columns, and our eleventh, the standard deviation, which the original's readers
-pass over::
+ignore::
 
     tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end[,sigma_deg]
 
-Bearings that a person has noted have a heading, in any order, and need its first four names::
+Bearings noted by hand have a heading, with columns in any order; the first four are required::
 
     tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc]
 """
@@ -33,12 +33,12 @@ from uavrt.recording.formats.whole_file import write_whole
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
-"""Column names of bearings noted by hand."""
+"""Required column names of bearings noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BearingRow:
-    """One line of the file."""
+    """One line of a bearings.csv."""
 
     tag_id: int
     parent_file: str
@@ -92,7 +92,7 @@ def _row(cells: list[str]) -> BearingRow:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """Whether a heading is one of bearings noted by hand."""
+    """True if a heading is that of bearings noted by hand."""
     return set(heading) >= _NOTED
 
 
@@ -130,11 +130,11 @@ def _sigma_deg(cell: str) -> float | None:
 
 
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
-    """Write a bearings.csv, whole or not at all.
+    """Write a bearings.csv completely or not at all.
 
-    It replaces all lines of the tags and parent files written and keeps the others.
-    Raises `FormatError` if the existing file is not a bearings.csv, or a name holds a comma;
-    `RecordingError` if it cannot be written.
+    Existing lines of the written tags and parent files are replaced, and others are kept.
+    Raises `FormatError` if the existing file is not a bearings.csv or a name contains a comma,
+    and `RecordingError` if it cannot be written.
     """
     new = list(rows)
     for row in new:
@@ -150,7 +150,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
 
 
 def bearing_line(row: BearingRow) -> str:
-    """Write one line, with its newline; unknown values are ``NaN``."""
+    """Format one line with its newline; unknown values are ``NaN``."""
     cells = [
         *(str(row.tag_id), row.parent_file, f"{row.bearing_deg:.6f}"),
         _number(row.confidence, 6),

@@ -1,11 +1,10 @@
-"""``positions.csv`` as the original's uavrt_localize writes it.
+"""Read and write the original system's ``positions.csv``.
 
-No heading, one line for each tag and each bearings file, with
-a comma at its end::
+It has no heading, and one line for each tag and bearings file, with a comma at the end::
 
     tag_id,bearing_file,latMLE,lonMLE,latRMR,lonRMR,latMEST,lonMEST,
 
-An estimator that found no place leaves ``NaN`` in its two cells.
+An estimator without a result has ``NaN`` in its two cells.
 """
 
 import os
@@ -17,12 +16,12 @@ from uavrt.recording.formats.text import cells_of, place_or_none, read_lines, wh
 from uavrt.recording.formats.whole_file import write_whole
 
 Place = tuple[float, float]
-"""Latitude, longitude [deg]."""
+"""Latitude and longitude [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionRow:
-    """One line of the file."""
+    """One line of a positions.csv."""
 
     tag_id: int
     bearing_file: str
@@ -59,7 +58,7 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
 
 
 def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow]) -> None:
-    """Write a positions.csv as a whole; raises `FormatError` or `RecordingError`."""
+    """Write a whole positions.csv; raises `FormatError` or `RecordingError`."""
     kept: dict[tuple[int, str], PositionRow] = {}
     if os.path.exists(path):
         kept = {(row.tag_id, row.bearing_file): row for row in read_position_file(path)}

@@ -1,4 +1,4 @@
-"""Replace a file as a whole, with an error that names what prevents it."""
+"""Replace a text file completely or not at all."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,7 @@ from uavrt.errors import RecordingError, os_errors_as
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a temporary file in the folder, then rename it; raises `RecordingError`."""
+    """Write a temporary file in the same folder, then rename it; raises `RecordingError`."""
     with os_errors_as(
         RecordingError, f"cannot write {path}", "Choose a writable place with free space"
     ):
