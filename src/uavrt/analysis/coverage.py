@@ -124,13 +124,13 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     away_m = float(np.hypot(*beyond).min())
     if not away_m:
         raise UsageError(
-            f"the {polygon.name} holds the middle of no square of the map",
-            remedy="Choose smaller squares with --cell",
+            f"the {polygon.name} contains the middle of no map cell",
+            remedy="Choose a smaller --cell",
         )
     if away_m > _ELSEWHERE_M:
         raise UsageError(
             f"the {polygon.name} lies {away_m / 1e3:,.0f} km beyond the map",
-            remedy="Name an outline of this ground; maybe its coordinates are swapped",
+            remedy="Give an outline near the flight; maybe its coordinates are swapped",
         )
     raise UsageError(
         f"the {polygon.name} lies {math.ceil(away_m):,} m beyond the map",

@@ -58,8 +58,8 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     poses = PoseColumns.of(flight.poses)
     if not measured or not len(poses.time_ns):
         raise RecordingError(
-            f"{directory} does not contain its noise level",
-            remedy="Take a flight of uavrt in which a detector ran, with poses",
+            f"{directory} has no noise measurements",
+            remedy="Choose a flight recorded by uavrt with poses and a running detector",
         )
     tag_id = np.array([one[0] for one in measured], np.int64)
     time_ns = np.array([one[1] for one in measured], np.int64)
@@ -73,8 +73,8 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     air = height > _ON_GROUND_M
     if not air.any():
         raise RecordingError(
-            f"{directory} does not contain its noise level in the air",
-            remedy="Take another flight",
+            f"{directory} has no noise measurements in the air",
+            remedy="Choose another flight",
         )
     tags = np.unique(tag_id)
     on_ground = all(np.count_nonzero(before & (tag_id == one)) >= _LEAST for one in tags)

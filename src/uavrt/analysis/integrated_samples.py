@@ -103,7 +103,7 @@ def integrate(
     row = np.asarray(samples, np.complex64)
     if row.ndim != 1:
         raise UsageError(
-            f"the samples have the shape {row.shape}", remedy="Give one row of complex64"
+            f"the samples have the shape {row.shape}, not (n,)", remedy="Give one dimension"
         )
     flight = Flight(
         info=FlightInfo(

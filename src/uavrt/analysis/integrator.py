@@ -165,10 +165,10 @@ class Integration:
                 self.fault = None
             except (UavrtError, OSError, MemoryError) as error:
                 if str(error) != self.fault:
-                    log.warning("not judged", tag=tag.tag_id, reason=str(error))
+                    log.warning("tag not searched", tag=tag.tag_id, reason=str(error))
                 self.fault = str(error)
             except Exception as error:  # ours: other tags are judged all the same
-                log.exception("not judged")
+                log.exception("tag not searched")
                 self.fault = f"tag {tag.tag_id} cannot be judged: {error}"
             self._done.put((flight, tag, result, cpu_s() - began_s))
 
@@ -188,8 +188,8 @@ def main() -> None:
         try:
             integration = Integration(frame)
         except UsageError as error:
-            log.error("nothing is integrated", reason=str(error))
-            frame.notify(4, f"nothing is integrated on the drone: {error.message}")
+            log.error("no whole-flight search", reason=str(error))
+            frame.notify(4, f"no whole-flight search on the drone: {error.message}")
             frame.idle(error.message)
             return
         while frame.running:

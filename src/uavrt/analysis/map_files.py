@@ -233,7 +233,7 @@ def _check_parts(header: bytes, size: int) -> None:
 
 def _part(path: Path, place: int, length: int, most: int = MAP_PART.bytes) -> bytes:
     if length > most:
-        raise ValueError(f"{length} bytes in one piece")
+        raise ValueError(f"a part of it has {length} bytes")
     with path.open("rb") as file:
         file.seek(place)
         return file.read(length)

@@ -75,7 +75,7 @@ def read_positions(
     check_position_method(how.method)
     if how.offset_deg and any(_is_result(path) for path in paths):
         raise UsageError(
-            "an antenna offset turns bearings as they are estimated; this file has results",
+            "an antenna offset cannot be applied to a file of results",
             remedy="Name the flight or the pulse log that it came from",
         )
     if len(paths) == 1:

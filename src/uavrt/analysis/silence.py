@@ -135,11 +135,11 @@ class ListenedFlight:
         of_track = directory.is_file()
         try:
             if of_track:
-                raise RecordingError("a track does not contain it", remedy="Take a flight")
+                raise RecordingError("a track has no noise measurements")
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:
-            noise, said = None, f"not known, its radio's alone is counted: {error.message}"
+            noise, said = None, f"unknown, only the radio's own is used: {error.message}"
         reports = not of_track and (noise is not None or bool(read_search_reports(directory)))
         return cls(
             flight=flight,

@@ -126,8 +126,8 @@ def integrate_flight(
     plan = front_end.plan
     if len(plan.channels_in_use) > _MOST_CHANNELS:
         raise ConfigError(
-            f"these tags lie in {len(plan.channels_in_use)} channels, and {_MOST_CHANNELS} are "
-            "kept in memory at once",
+            f"these tags need {len(plan.channels_in_use)} channels, more than the "
+            f"{_MOST_CHANNELS} kept in memory at once",
             remedy="Name fewer tags with --tag, and run it again for the others",
         )
     faults: list[str] = []

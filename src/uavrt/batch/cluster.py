@@ -154,7 +154,7 @@ def _scheduler_there() -> Iterator[None]:
         yield
     except (CancelledError, OSError) as error:
         raise LinkError(
-            "the Dask scheduler has gone",
+            "the connection to the Dask scheduler is lost",
             remedy="Start it again: the same command goes on from here",
         ) from error
 

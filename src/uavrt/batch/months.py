@@ -103,7 +103,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
         written = any((output / name).exists() for name in (RECORDINGS, FLIGHTS, ROWS))
         return {}, {INDEX: "missing"} if written else {}
     except FormatError:
-        return {}, {INDEX: "not what was written"}
+        return {}, {INDEX: "its digest does not match"}
     faults = {
         name: fault
         for name, one in noted.items()

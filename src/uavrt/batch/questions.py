@@ -132,7 +132,7 @@ def in_archive(
     except duckdb.OutOfMemoryException as error:
         most = limits.get("memory_limit", "this computer has")
         raise FormatError(
-            f"{archive}: this question takes more memory than {most}",
+            f"{archive}: this query needs more memory than {most}",
             remedy="Ask about fewer flights or columns with uavrt archive query",
         ) from error
     except (duckdb.IOException, duckdb.InvalidInputException) as error:

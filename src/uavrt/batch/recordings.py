@@ -202,7 +202,7 @@ class _Search:
         try:
             is_folder = stat.S_ISDIR(root.stat().st_mode)
         except FileNotFoundError as error:
-            raise FormatError(f"there is no {root}", remedy="Check the path") from error
+            raise FormatError(f"{root} does not exist", remedy="Check the path") from error
         except OSError as error:
             raise FormatError(
                 f"{root} cannot be read: {error.strerror}", remedy="Check its permissions"
@@ -323,7 +323,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
                 raise FormatError(f"{path} has no column path", remedy=remedy)
             if unknown := set(lines.fieldnames or ()) - set(MANIFEST_COLUMNS):
                 raise FormatError(
-                    f"{path} has a column {min(map(str, unknown))}", remedy=remedy
+                    f"{path} has an unknown column {min(map(str, unknown))}", remedy=remedy
                 )
             for number, line in enumerate(lines, 2):
                 try:
@@ -334,7 +334,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
                     ) from error
                 if one.url is None and not one.path.is_file():
                     raise FormatError(
-                        f"{path}, line {number}: there is no {one.path}", remedy=remedy
+                        f"{path}, line {number}: {one.path} does not exist", remedy=remedy
                     )
                 found[one.path if one.url else one.path.resolve()] = one
     except (OSError, UnicodeError, csv.Error) as error:
@@ -350,7 +350,7 @@ def _recording_of(folder: Path, line: Mapping[str, str | None]) -> Recording:
     one = _recording_at(cells["path"]) if stored else _recording(folder / cells["path"])
     track = folder / cells["track"] if cells["track"] else one.track
     if track is not None and not track.is_file():
-        raise ValueError(f"there is no {track}")
+        raise ValueError(f"{track} does not exist")
     return replace(
         one,
         format_name=cells["format"] or None,

@@ -53,7 +53,7 @@ def _below(system: Any, path: str, url: str) -> list[str]:
         folder, depth = waiting.pop()
         if depth > MOST_DEPTH or len(seen) > MOST_LINKS:
             raise StoreError(
-                f"{url}: its lists lead on without end, as to {folder[:200]}",
+                f"{url}: the folder listing never ends, such as {folder[:200]}",
                 remedy="Name a folder below it, or the recordings one by one",
             )
         try:
@@ -148,7 +148,7 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
         system, path = _opened(url)
         size = _size_of(system, path, url)
         if whole and size > MOST_META_BYTES:
-            raise StoreError(f"{url} is too large for a description", remedy="Check the file")
+            raise StoreError(f"{url} is too large for a metadata file", remedy="Check the file")
         with copy.open("wb") as file:
             file.truncate(size)
             middle = size if whole else min(size, ENDS_BYTES)
@@ -164,7 +164,7 @@ def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
-            f"{url}: the server gives whole files only",
+            f"{url}: the server cannot send parts of files",
             remedy="Fetch the file, or have it served in pieces (HTTP ranges)",
         )
     return piece

@@ -55,4 +55,4 @@ def csv_cells(line: str) -> list[str]:
     try:
         return next(csv.reader([line]), [])
     except csv.Error as error:
-        raise ValueError(f"no line of a table: {error}") from None
+        raise ValueError(f"not a CSV line: {error}") from None

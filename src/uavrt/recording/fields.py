@@ -59,10 +59,10 @@ class RecordField:
             case "reals":
                 numbers = tuple(map(float, value or ()))
                 if self.length is not None and len(numbers) != self.length:
-                    raise ValueError(f"{self.name} has {self.length} numbers")
+                    raise ValueError(f"{self.name} must have {self.length} numbers")
                 return numbers
         if self.choices and value not in self.choices:
-            raise ValueError(f"{self.name} {value!r} is unknown")
+            raise ValueError(f"{self.name} has the unknown value {value!r}")
         return value
 
     @property

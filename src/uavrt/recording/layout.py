@@ -3,7 +3,7 @@
 ::
 
     flight_log_2026-05-01_08-15-00/           UTC
-    ├── flight.sqlite                         all records; the other files are copies
+    ├── flight.sqlite                         all records; the single source of truth
     ├── starred                               if present, the flight is never removed
     ├── pulse_pose_log.txt                    all pulses with poses, the thesis's 23 columns
     ├── airspy_csdr_netcat_log/               output of the radio's program

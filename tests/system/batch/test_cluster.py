@@ -129,7 +129,7 @@ def test_a_scheduler_that_goes_is_named_and_what_was_done_stays(
         if written():
             running.scheduler.kill()
 
-    with pytest.raises(LinkError, match="scheduler has gone"):
+    with pytest.raises(LinkError, match="scheduler is lost"):
         run(archive, tmp_path, scheduler=running.address, on_done=end_it)
     assert written()
 

@@ -50,7 +50,7 @@ def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
         try:
             row = tuple(float(cell) for cell in csv_cells(text))
             if len(row) not in (2, 3) or not all(map(math.isfinite, row)):
-                raise ValueError(f"{len(row)} numbers")
+                raise ValueError(f"it has {len(row)} numbers")
         except ValueError as error:
             if not rows and any(character.isalpha() for character in text):
                 continue  # a line of names
@@ -85,7 +85,7 @@ def _on_grid(
     gaps = np.diff(np.concatenate([[0.0], angles, [180.0]]))
     if gaps.max() > _WIDEST_GAP_DEG:
         raise FormatError(
-            f"{os.fspath(path)} leaves {gaps.max():.0f}° without a gain",
+            f"{os.fspath(path)} has no gains over {gaps.max():.0f}°",
             remedy="Give gains from 0° to 180° off boresight, at least each 45°",
         )
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)

@@ -98,7 +98,7 @@ def export_bag(
         shutil.rmtree(target)  # half of it would be in the way of the next try
         if isinstance(error, ValueError | TypeError | OverflowError | struct.error):
             raise FormatError(
-                f"{flight_directory} holds what no ROS 2 message can: {error}",
+                f"{flight_directory} has a value that no ROS 2 message can hold: {error}",
                 remedy="Export it in another format",
             ) from error
         raise

@@ -144,7 +144,7 @@ def measure_tags(
     if not tags and not codes:
         listed = "".join(f"; {one}" for one in doubtful)
         raise UsageError(
-            f"nothing in {span_s:.0f} s beats like a tag ({len(points)} pulses seen{listed})",
+            f"no regular pulses in {span_s:.0f} s ({len(points)} pulses found{listed})",
             remedy="Record at least ten pulses with the tag a few metres away, and without "
             "overloading the receiver; --frequency and --window make the search finer",
         )

@@ -39,7 +39,7 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
             continue
         try:
             if not 4 <= len(cells) <= 8:
-                raise ValueError(f"{len(cells)} columns")
+                raise ValueError(f"it has {len(cells)} columns")
             cells += [""] * (8 - len(cells))
             places = [place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6)]
             found.append(

@@ -113,10 +113,10 @@ class _Layout:
         Raises `ValueError` if the row ends before, or more numbers follow.
         """
         if len(cells) < self.least_columns:
-            raise ValueError(f"{len(cells)} columns where the others have more")
+            raise ValueError(f"{len(cells)} columns, fewer than in other rows")
         said = [cell for cell in cells[self.least_columns :] if not _is_padding(cell)]
         if len(said) > 1:
-            raise ValueError(f"{len(cells)} columns where the others have fewer")
+            raise ValueError(f"{len(cells)} columns, more than in other rows")
         return finite(said[0]) if said else 0.0
 
 
@@ -254,7 +254,7 @@ def _listed(counts: Sequence[int]) -> str:
 
 def _mark(cells: Sequence[str], before_pulse: int) -> RotationMark:
     if not all(_is_padding(cell) for cell in cells[4:]):
-        raise ValueError(f"{len(cells)} columns where a rotation's mark has 4")
+        raise ValueError(f"{len(cells)} columns instead of a rotation mark's 4")
     return RotationMark(
         kind="start" if _MARKS[cells[0]] == "start" else "stop",
         latitude_deg=latitude(cells[1]),
@@ -289,7 +289,7 @@ def _pulse_7(cells: Sequence[str], layout: _Layout) -> PulsePose:
 
 def _pulse_20(cells: Sequence[str]) -> PulsePose | None:
     if len(cells) < 23 or not all(_is_padding(cell) for cell in cells[23:]):
-        raise ValueError(f"{len(cells)} columns where such a row has 23")
+        raise ValueError(f"{len(cells)} columns instead of 23")
     if whole(cells[12]) == 3:
         return None
     start_ns = seconds_ns(cells[6])
