@@ -143,8 +143,8 @@ def bearings_together(
             if other != number and antennas[other] == antenna
         ]
         if one.flight is not None and how.learn:
-            others += past_turns(one.flight, antenna, how.offset_deg, besides=here)
-        if teaches and (text := taught_in_words([turns[number], *others])):
+            others += past_turns(one.flight, antenna, how.offset_deg, excluded=here)
+        if teaches and (text := pattern_origin([turns[number], *others])):
             taught.add(text)
         past = [turn for flight in others for turn in flight]
         as_flown = replace(how, antenna=antenna)
@@ -167,17 +167,17 @@ def past_turns(
     antenna: AntennaPattern | str,
     offset_deg: float = 0.0,
     *,
-    besides: Sequence[Flight] = (),
+    excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
     """Pulses of turns in the same drone's past flights with the same antenna.
 
     Flights in the same folder are read, newest first, until there are enough turns. Unreadable
     flights and those of other drones are skipped.
     `offset_deg` is the boresight, clockwise from the heading in the poses [deg]. Flights in
-    `besides` are excluded, since the caller has their turns already.
+    `excluded` are excluded, since the caller has their turns already.
     """
     place = Path(flight.info.directory).resolve()
-    names = {Path(one.info.directory).resolve().name for one in besides}
+    names = {Path(one.info.directory).resolve().name for one in excluded}
     before = flown_before(place)
     neighbours = flights_in_order(place.parent) if before is None else before
     others = [path for path in neighbours if flown_name(path.name) != flown_name(place.name)]
@@ -205,7 +205,7 @@ def _set_up(flight: Flight) -> tuple[Hashable, ...]:
     return vehicle_of(flight.notes), mounted
 
 
-def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
+def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     """Sentence on how many turns and flights a pattern was learnt from; None for one flight."""
     turns = teaching(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))

@@ -56,11 +56,11 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
     text = read_text(path, SHAPES)
     places = way_in(text, str(path))
     if places:
-        return corners_of_way(places)
+        return corners_of_path(places)
     return corners_over_area(area_in(text, str(path)), spacing_m)
 
 
-def corners_of_way(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
+def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
     """Convert a path of latitudes and longitudes [deg] to a plane; returns as `read_places`."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
@@ -77,7 +77,7 @@ def corners_over_area(
     `spacing_m` is the distance between lines, and `most` the largest number of lines. Raises
     `PlanError` if the area cannot be surveyed, or needs more lines.
     """
-    plane, corners = corners_of_way(outline)
+    plane, corners = corners_of_path(outline)
     area = Polygon(corners=tuple(corners), name="area")
     return plane, survey_lines(area, spacing_m, most=most)
 

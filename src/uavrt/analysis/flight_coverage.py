@@ -46,7 +46,7 @@ def flight_coverage(
     Times outside of `listened` count as not received, where given. `searched` gives the
     settings of a whole-flight search. Raises `UsageError` if the flight is too long.
     """
-    way, limitations = flown_way(area, flight, tag, noise, listened)
+    way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
     if whole_flight and searched is not None:
         window_hz = searched.frequency_window_hz
@@ -85,7 +85,7 @@ def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
     return (plane, *plane.to_local(poses.latitude_deg, poses.longitude_deg))
 
 
-def flown_way(
+def flown_path(
     area: MapArea,
     flight: Flight,
     tag: Tag,

@@ -33,7 +33,7 @@ NICENESS = 15
 TICK_S = 0.5
 SHARE = 9.0
 """Idle time per working time; 9 means a tenth of a core."""
-LOOK_AGAIN_S = 5.0
+RETRY_S = 5.0
 """Pause before a tag without new samples is tried again [s]."""
 FEW_PULSES = 3
 """Confirmed pulses from which a tag counts as found by the detectors, and is not reported."""
@@ -41,7 +41,7 @@ CLOSER = 0.5
 """Factor by which a reported position's radius must shrink before it is reported again."""
 
 
-class Looks:
+class SearchSchedule:
     """Schedule that decides which tag to search for next, and when."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
@@ -56,13 +56,13 @@ class Looks:
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
         return self._tags[tag_id] if due_s <= now_s else None
 
-    def looked(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
+    def searched(self, tag: Tag, now_s: float, worked_s: float, *, new: bool) -> None:
         """Record that the search for a tag has ended, and its CPU time [s]."""
         self._rest_until_s = now_s + SHARE * worked_s
-        self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else LOOK_AGAIN_S)
+        self._due_s[tag.tag_id] = now_s + (ENERGY.block_s if new else RETRY_S)
 
 
-class Teller:
+class FindReporter:
     """Selects what to report to the ground: newly found tags, and far better positions."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class Integration:
         )
         self._flight: FlightSoFar | None = None
         self._directory = Path()
-        self._looks, self._teller = Looks(()), Teller()
+        self._schedule, self._reporter = SearchSchedule(()), FindReporter()
         self._jobs: queue.SimpleQueue[tuple[FlightSoFar, Path, Tag] | None]
         self._jobs = queue.SimpleQueue()
         self._done: queue.SimpleQueue[tuple[FlightSoFar, Tag, IntegratedTag | None, float]]
@@ -127,7 +127,7 @@ class Integration:
     def _begin(self, flight: FlightInfo) -> None:
         self._directory = Path(flight.directory)
         self._flight = FlightSoFar(self._directory, self._how)
-        self._looks, self._teller = Looks(flight.tags), Teller()
+        self._schedule, self._reporter = SearchSchedule(flight.tags), FindReporter()
 
     def tick(self) -> None:
         """Report finished results, and start the search for the next due tag."""
@@ -137,10 +137,10 @@ class Integration:
             self.longest_s = max(self.longest_s, worked_s)
             if flight is not self._flight:
                 continue
-            self._looks.looked(tag, monotonic_s(), worked_s, new=result is not None)
+            self._schedule.searched(tag, monotonic_s(), worked_s, new=result is not None)
             if result is not None:
                 self._report(result)
-        tag_due = self._looks.due(monotonic_s())
+        tag_due = self._schedule.due(monotonic_s())
         if self._flight is not None and tag_due is not None and not self._working:
             self._working = True
             self._jobs.put((self._flight, self._directory, tag_due))
@@ -148,7 +148,7 @@ class Integration:
     def _report(self, result: IntegratedTag) -> None:
         self.judged += 1
         self.found += result.found
-        text = self._teller.text(result)
+        text = self._reporter.text(result)
         if text is not None:
             self._frame.notify(5, text)
 

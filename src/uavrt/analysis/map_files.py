@@ -92,12 +92,12 @@ def read_map(path: Path) -> MapFile:
         return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
     except _DAMAGED as error:
         raise FormatError(
-            f"{path.name} is not a map: {_said(error)}",
+            f"{path.name} is not a map: {_fault_text(error)}",
             remedy="Give an MBTiles or PMTiles file: QGIS, Generate XYZ tiles (MBTiles)",
         ) from error
 
 
-def _said(error: BaseException) -> str:
+def _fault_text(error: BaseException) -> str:
     """Describe an SQLite error in terms of map files."""
     if isinstance(error, FileNotFoundError):
         return "it does not exist"

@@ -103,7 +103,7 @@ class ListenedFlight:
     noise: FlightNoise | None
     noise_said: str
     verdicts: tuple[IntegratedVerdict, ...]
-    way_m: tuple[NDArray[np.float64], NDArray[np.float64]]
+    path_m: tuple[NDArray[np.float64], NDArray[np.float64]]
     """East and north of the flight path in the map's plane [m]."""
     of_track: bool = False
     """True if poses and samples come from other programs, without detectors."""
@@ -147,7 +147,7 @@ class ListenedFlight:
             noise=noise,
             noise_said=said,
             verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
-            way_m=(east, north),
+            path_m=(east, north),
             of_track=of_track,
             detectors_ran=reports or bool(flight.pulse_poses),
         )
@@ -211,14 +211,14 @@ class ListenedFlight:
             ambiguous=verdict is not None and verdict.ambiguous,
             noise=self.noise_said,
             antenna=named,
-            sure_within_m=sure_within_m(coverage, *self.way_m) if heard else None,
+            sure_within_m=sure_within_m(coverage, *self.path_m) if heard else None,
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
         """Reason why an unsuccessful search does not apply to this tag; empty if it does."""
         if searched is None:
             return ()
-        found = _otherwise(tag, searched)
+        found = _setting_changes(tag, searched)
         window_hz = 0.0 if self.of_track else frequency_window_hz(self.flight)
         if searched.frequency_window_hz < window_hz:
             found.append(
@@ -238,7 +238,7 @@ def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
     return flight_antenna(flight)
 
 
-def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
+def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
     """Differences between the settings of a stored search and the present tag list."""
     found = []
     listed = (tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s)

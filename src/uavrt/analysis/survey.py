@@ -12,8 +12,8 @@ from uavrt.analysis.bearings import (
     NO_BEARINGS_FROM_THESE,
     Recorded,
     past_turns,
+    pattern_origin,
     read_recorded,
-    taught_in_words,
 )
 from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.map_files import MapFile
@@ -236,7 +236,7 @@ def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimate
     if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:
         past = past_turns(recorded.flight, how.antenna, how.offset_deg)
         own = heard_in_turns(heard, how.offset_deg)
-        if (text := taught_in_words([own, *past])) is not None:
+        if (text := pattern_origin([own, *past])) is not None:
             warnings.append(f"{text[0].upper()}{text[1:]}.")
     return estimate(heard, how, past=[one for turns in past for one in turns])
 

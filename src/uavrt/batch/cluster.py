@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import uavrt
 from uavrt.atomic_file import write_atomically
-from uavrt.batch.workers import Task, side_by_side, worked
+from uavrt.batch.workers import Task, run_in_pool, run_safely
 from uavrt.errors import LinkError, UsageError, needs_extra
 from uavrt.heap import heap_as_it_grows
 
@@ -32,14 +32,14 @@ _QUEUED_LEAST = 64
 """Least number of queued tasks; an adaptive cluster grows with its queue."""
 
 
-class Sign:
+class RunMarker:
     """File that identifies the current run for workers."""
 
     def __init__(self, path: Path, run: str) -> None:
         self._path, self._run = path, run
         self._read_s, self._stop = 0.0, False
 
-    def put_up(self) -> None:
+    def write(self) -> None:
         """Write the file."""
         write_atomically(self._path, self._run, sync=False)
 
@@ -71,8 +71,8 @@ def run_on_cluster(
     """
     if not tasks:
         return
-    with closing(_Cluster(scheduler, folder, on_wait)) as crew:
-        yield from side_by_side(tasks, range(len(tasks)), crew, should_stop, on_done)
+    with closing(_Cluster(scheduler, folder, on_wait)) as pool:
+        yield from run_in_pool(tasks, range(len(tasks)), pool, should_stop, on_done)
 
 
 class _Cluster:
@@ -95,8 +95,8 @@ class _Cluster:
         self._killed = distributed.KilledWorker
         self._run = uuid.uuid4().hex
         self._file = folder / "run"
-        self._sign = Sign(self._file, self._run)
-        self._sign.put_up()
+        self._sign = RunMarker(self._file, self._run)
+        self._sign.write()
         self._done = 0
         self._client.subscribe_topic(self._run, self._count)
         self._executor: Executor = self._client.get_executor(pure=False)
@@ -159,7 +159,7 @@ def _scheduler_there() -> Iterator[None]:
         ) from error
 
 
-class _Teller:
+class _ProgressSender:
     """Reports a worker's progress to the run, at most as often as it is displayed."""
 
     def __init__(self, run: str) -> None:
@@ -185,8 +185,8 @@ def _work(packed: bytes, file: Path, run: str, version: str) -> Any:
         return task.failed(
             f"the worker on {os.uname().nodename} has uavrt {uavrt.__version__}, not {version}"
         )
-    teller = _Teller(run)
+    teller = _ProgressSender(run)
     try:
-        return worked(task, Sign(file, run).should_stop, teller.add)
+        return run_safely(task, RunMarker(file, run).should_stop, teller.add)
     finally:
         teller.flush()

@@ -13,9 +13,9 @@ from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.seals import read_note, write_note
 from uavrt.batch.tables import OUTLINES, FlightRow, RecordingRow
 from uavrt.errors import FormatError
+from uavrt.recording.flight_cache import FlightCache
 from uavrt.recording.layout import FlightLayout, Stamp
 from uavrt.recording.outline import FlightOutline, read_outline
-from uavrt.recording.stamped import Stamped
 
 
 def copies_of(
@@ -96,7 +96,7 @@ class _Kept(msgspec.Struct, frozen=True):
 def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
     """Group the copies of each readable flight; reuses the last groups if no flight changed."""
     kept, found = _kept(output), dict[str, tuple[Stamp, FlightOutline]]()
-    known = Stamped(_outline, kept.flights)
+    known = FlightCache(_outline, kept.flights)
     for directory in map(str, sorted(directories)):
         with suppress(FormatError, OSError):  # named where it is placed
             known.get(directory)

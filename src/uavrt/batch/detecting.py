@@ -100,7 +100,7 @@ class Detecting:
             return None
         key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
         row = _row(_Job(recording, key, _Facts()), "failed", [fault])
-        self._ledger.settle(row)
+        self._ledger.record(row)
         return row
 
     def _take_known(self, recording: Recording) -> bool:
@@ -129,7 +129,7 @@ class Detecting:
                 self.kept[job.recording.name] = by_manifest(gone[0])
                 return None
             row = _row(job, "failed", gone)
-            self._ledger.settle(row)
+            self._ledger.record(row)
             return row
         job.results.sort(key=lambda one: one.number)
         faults = [one.fault for one in job.results if one.fault is not None]
@@ -143,7 +143,7 @@ class Detecting:
             files[name] = write_pulses(
                 self._output / name, pulses, recording.name, recording.flight
             )
-        self._ledger.settle(row, files)
+        self._ledger.record(row, files)
         shutil.rmtree(self._kept_cells(job.key), ignore_errors=True)
         return row
 

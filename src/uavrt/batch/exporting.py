@@ -10,7 +10,7 @@ import numpy as np
 from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
 from uavrt.analysis.survey import Survey
 from uavrt.atomic_file import make_directories, replacing
-from uavrt.batch.flight_work import OF_WAY
+from uavrt.batch.flight_work import PATH_FIELDS
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
@@ -190,7 +190,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             semi_minor_m=row["semi_minor95_m"],
             orientation_deg=row["orientation_deg"],
         )
-    way = zip(*(row[f"track_{name}"] for name in OF_WAY), strict=True)
+    way = zip(*(row[f"track_{name}"] for name in PATH_FIELDS), strict=True)
     same = (
         *("latitude_deg", "longitude_deg", "method", "radius50_m", "radius95_m", "at_edge"),
         *("heading_error_deg", "heading_error_sigma_deg"),
@@ -202,7 +202,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             pulses=row["powers"],
             ellipse95=ellipse,
             cautions=_cautions(row),
-            track=tuple(TrackPoint(**dict(zip(OF_WAY, one, strict=True))) for one in way),
+            track=tuple(TrackPoint(**dict(zip(PATH_FIELDS, one, strict=True))) for one in way),
             **{name: row[name] for name in same},
         ),
     )

@@ -33,7 +33,7 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.terrain.elevation import Elevation
 from uavrt.terrain.elevation_files import open_elevation
 
-OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
+PATH_FIELDS = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
 """Fields of a moving tag's track; each is a list column of the table."""
 
 
@@ -308,6 +308,6 @@ def _position_row(
         "remarks": "; ".join(record["remarks"]),
         "cautions": ", ".join(each["name"] for each in cautions),
         "cautions_in_words": "\n".join(each["text"] for each in cautions),
-        **{f"track_{name}": tuple(each[name] for each in way) for name in OF_WAY},
+        **{f"track_{name}": tuple(each[name] for each in way) for name in PATH_FIELDS},
     }
     return PositionOfTag(**{name: record[name] for name in PositionOfTag.__dataclass_fields__})

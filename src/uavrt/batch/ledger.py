@@ -98,7 +98,7 @@ class Ledger(Generic[R]):
             if name.startswith(f"{table}/")
         }
 
-    def settle(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
+    def record(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
         """Write a finished row, and remove the rows and tables that it replaces.
 
         `files` are its tables, already on the disk; None keeps those of the row before. Raises

@@ -165,10 +165,10 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
                     connection.interrupt()
             wait([answer], 0.05)
         if not answer.done():
-            atexit.register(_end_beside, thread)
+            atexit.register(_end_during_query, thread)
 
 
-def _end_beside(thread: Thread) -> None:
+def _end_during_query(thread: Thread) -> None:
     """End the program while a DuckDB function runs; a normal interpreter exit would abort."""
     if thread.is_alive():
         sys.stdout.flush()

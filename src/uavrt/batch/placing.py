@@ -96,7 +96,7 @@ class Placing:
         noted = self._copies.setdefault(path, {*known})
         noted.add(copy)
         if row is not None and noted != {*known}:
-            self._flights.settle(replace(row, copies="\n".join(sorted(noted))))
+            self._flights.record(replace(row, copies="\n".join(sorted(noted))))
 
     def _searched(self, row: RecordingRow) -> Searched:
         file = self._output / PULSES / f"{row.fingerprint}.parquet"
@@ -160,7 +160,7 @@ class Placing:
     def _settled(self, row: FlightRow, files: Mapping[str, Seal]) -> FlightRow:
         copies = self._copies.get(row.path, ())
         row = replace(row, copies="\n".join(sorted(copies)))
-        self._flights.settle(row, files)
+        self._flights.record(row, files)
         return row
 
     def _done(self, plan: "_Plan", result: FlightResult) -> FlightRow:
@@ -200,7 +200,7 @@ class Placing:
         name = f"{PULSES}/{key}.parquet"
         pulses = [(0, pulse) for pulse in result.recorded]
         seal = write_pulses(self._output / name, pulses, task.path, task.flight)
-        self._recordings.settle(
+        self._recordings.record(
             RecordingRow(
                 path=task.path,
                 flight=task.flight,

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from uavrt.batch.stores import is_url, list_store, marks_of, open_stored
+from uavrt.batch.stores import is_url, list_store, open_stored, version_of
 from uavrt.batch.tables import DONE, RECORDINGS
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError, StoreError
@@ -68,7 +68,7 @@ class Recording:
         """Fingerprint that changes with the recording; raises `OSError` or `StoreError`."""
         facts: list[object] = [*self._stated().values()]
         if self.url is not None:
-            return _hashed([*facts, *marks_of(self.url)])
+            return _hashed([*facts, *version_of(self.url)])
         for path in (self.path, self.path.with_suffix(".sigmf-data")):
             if path is self.path or path.is_file():
                 about = path.stat()

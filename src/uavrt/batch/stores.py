@@ -35,7 +35,7 @@ def is_url(text: str) -> bool:
 
 def list_store(url: str) -> tuple[str, ...]:
     """List files at and below an address; raises `FormatError`, `StoreError`, `UsageError`."""
-    with _asked(url):
+    with _store_errors(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
     if not found:
@@ -94,9 +94,9 @@ def _is_file(system: Any, path: str) -> bool:
     return bool(PurePosixPath(name).suffix) and bool(system.exists(path))
 
 
-def marks_of(url: str) -> list[object]:
+def version_of(url: str) -> list[object]:
     """Properties of a stored file that change with its content; raises `StoreError`."""
-    with _asked(url):
+    with _store_errors(url):
         system, path = _opened(url)
         about = system.info(path)
     return [url, about.get("size"), *(str(about[mark]) for mark in _MARKS if mark in about)]
@@ -120,14 +120,14 @@ class _StoredBytes:
 
     def __init__(self, url: str) -> None:
         self._url = url
-        with _asked(url):
+        with _store_errors(url):
             system, path = _opened(url)
             self._size = _size_of(system, path, self._url)
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
         """Fill a buffer from an offset; returns the byte count. Raises `StoreError`."""
-        with _asked(self._url):
+        with _store_errors(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))
         if got == 0:
@@ -144,7 +144,7 @@ class _StoredBytes:
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
     """Write a sparse local file of a stored file's name and size, with its ends."""
     copy = folder / PurePosixPath(url).name
-    with _asked(url):
+    with _store_errors(url):
         system, path = _opened(url)
         size = _size_of(system, path, url)
         if whole and size > MOST_META_BYTES:
@@ -186,7 +186,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def _asked(url: str) -> Iterator[None]:
+def _store_errors(url: str) -> Iterator[None]:
     """Context for requests to a store that converts its errors to ours."""
     try:
         yield

@@ -58,8 +58,8 @@ def run_tasks(
     waiting, deaths = list(range(len(tasks))), Counter[int]()
     while waiting and not should_stop():
         with _Pool(min(workers, len(waiting))) as pool:
-            left = yield from side_by_side(tasks, waiting, pool, should_stop, on_done)
-        deaths.update(left.in_hand)
+            left = yield from run_in_pool(tasks, waiting, pool, should_stop, on_done)
+        deaths.update(left.interrupted)
         waiting = [number for number in left.undone if deaths[number] < MOST_DEATHS]
         if should_stop():
             return
@@ -70,14 +70,14 @@ def run_tasks(
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class Unfinished:
     """Numbers of unfinished tasks: not started, and to be tried alone after a crash."""
 
     undone: list[int]
-    in_hand: list[int]
+    interrupted: list[int]
 
 
-class Crew(Protocol):
+class Workers(Protocol):
     """Interface of a pool of workers."""
 
     def at_once(self) -> int:
@@ -93,13 +93,13 @@ class Crew(Protocol):
         """Amount of work done by all workers."""
 
 
-def side_by_side(
+def run_in_pool(
     tasks: Sequence[Task[R]],
     numbers: Sequence[int],
-    crew: Crew,
+    pool: Workers,
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
-) -> Generator[tuple[int, R], None, Left]:
+) -> Generator[tuple[int, R], None, Unfinished]:
     """Run tasks in a pool, and yield them when done; returns unfinished ones after a crash.
 
     If the run is to stop, tasks in progress are abandoned, to be done by the next run.
@@ -108,43 +108,43 @@ def side_by_side(
     running: dict[Future[R | None], int] = {}
     broken, reported = False, 0
     while not broken:
-        # No more than are worked on: what waits is not in anybody's hand.
-        while len(running) < crew.at_once() and not should_stop():
+        # Submit no more than can run: the others can still be skipped at a stop.
+        while len(running) < pool.at_once() and not should_stop():
             number = next(queue, None)
             if number is None:
                 break
             try:
-                running[handed_out(tasks[number], crew)] = number
+                running[submitted(tasks[number], pool)] = number
             except BrokenProcessPool:
                 broken = True
                 break
         if not running:
             break
         ended, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
-        now = crew.done()
+        now = pool.done()
         on_done(now - reported)
         reported = now
         if should_stop():
             break
-        in_hand = list(running.values())
+        interrupted = list(running.values())
         for future in ended:
             number = running.pop(future)
             try:
-                result = crew.result(future, tasks[number])
+                result = pool.result(future, tasks[number])
             except BrokenProcessPool:
                 broken = True
                 continue
             if result is not None:
                 del undone[number]
                 yield number, result
-    on_done(crew.done() - reported)
-    return Left(list(undone), in_hand if broken else [])
+    on_done(pool.done() - reported)
+    return Unfinished(list(undone), interrupted if broken else [])
 
 
-def handed_out(task: Task[R], crew: Crew) -> "Future[R | None]":
+def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
     """Pack a task and submit it; if packing fails, the task has failed."""
     try:
-        return crew.submit(task.packed())
+        return pool.submit(task.packed())
     except UavrtError as error:
         failed: Future[R | None] = Future()
         failed.set_result(task.failed(str(error)))
@@ -211,7 +211,7 @@ def _work(task: Task[R]) -> R | None:
         with done.get_lock():
             done.value += now
 
-    return worked(task, lambda: False, count)
+    return run_safely(task, lambda: False, count)
 
 
 def guarded(
@@ -222,10 +222,10 @@ def guarded(
         packed = task.packed()
     except UavrtError as error:
         return task.failed(str(error))
-    return worked(packed, should_stop, on_done)
+    return run_safely(packed, should_stop, on_done)
 
 
-def worked(
+def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
     """Run a task; an unexpected error fails the task, not the run."""

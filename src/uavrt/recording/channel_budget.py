@@ -26,7 +26,7 @@ class ChannelBudget:
         """Size of all channel files, open ones included."""
         self.removed_pieces = 0
 
-    def look(self) -> None:
+    def find_files(self) -> None:
         """Find the channel files of earlier flights, and of this one before a restart."""
         found = sorted(self._found())
         self._pieces = deque((path, size) for _, _, path, size in found)
@@ -62,7 +62,7 @@ class ChannelBudget:
         self.bytes += more
         return True
 
-    def give_back(self, unused: int) -> None:
+    def return_bytes(self, unused: int) -> None:
         """Subtract reserved bytes that were not written."""
         self.bytes -= unused
 

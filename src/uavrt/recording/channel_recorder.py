@@ -189,7 +189,7 @@ class ChannelRecorder:
 
     def _run(self) -> None:
         try:
-            self._budget.look()
+            self._budget.find_files()
             last = False
             while not last:
                 with self._condition:
@@ -247,7 +247,7 @@ class ChannelRecorder:
         # Samples are lost in all channels at once.
         stretches = _without_gaps(samples[0], round(GAP_S * first.sample_rate_hz))
         if not stretches:
-            self._budget.give_back(size)
+            self._budget.return_bytes(size)
             return
         moved = self._last is None or not self._last.continued_by(first)
         written = written_bytes = 0
@@ -265,7 +265,7 @@ class ChannelRecorder:
                 written_bytes += appended * file.bytes_per_sample
             except OSError as error:
                 fault = error.strerror or str(error)
-        self._budget.give_back(size - written_bytes)
+        self._budget.return_bytes(size - written_bytes)
         self.written_samples += written
         if fault is None:
             self.trouble = None

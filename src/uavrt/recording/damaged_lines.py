@@ -31,7 +31,7 @@ class DamagedLines:
         if not self._faults:
             return
         number, error = self._faults[0]
-        reason, remedy = words_of(error)
+        reason, remedy = reason_of(error)
         if len(self._faults) > good:
             raise FormatError(
                 f"{self._name} line {number} is not a pulse: {reason}",
@@ -51,7 +51,7 @@ class DamagedLines:
 
 def passed_over(name: str, lines: int, first: int, error: object) -> str:
     """Warning about skipped lines, with the reason for the first."""
-    reason, remedy = words_of(error)
+    reason, remedy = reason_of(error)
     count = "1 damaged line was" if lines == 1 else f"{lines} damaged lines were"
     which = f"line {first}" if lines == 1 else f"the first is line {first}"
     return f"{name}: {count} passed over ({which}: {reason})." + (
@@ -59,7 +59,7 @@ def passed_over(name: str, lines: int, first: int, error: object) -> str:
     )
 
 
-def words_of(error: object) -> tuple[str, str | None]:
+def reason_of(error: object) -> tuple[str, str | None]:
     """Reason why a line is wrong, with the error's own advice if it has one."""
     if isinstance(error, OffEarthError):
         return str(error), error.remedy

@@ -47,7 +47,7 @@ def flown_name(name: str) -> str:
     return copy[1] if copy else name
 
 
-def copy_beside(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
+def new_copy_directory(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
     """Unused directory name for the web page's copy of a flight, next to it."""
     path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
     while is_taken(path):

@@ -8,13 +8,13 @@ from typing import Any
 from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
+    path_points,
     ray,
     ray_length_m,
     region95,
     region_lines,
     split_area_at_date_line,
     split_at_date_line,
-    way_of,
     wedge,
 )
 from uavrt.analysis.power_survey import HeightBand, TagSignal
@@ -77,8 +77,8 @@ def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
     yield "bearing", "bearings", "LINESTRING", rays
     yield "bearing 90 %", "bearing_wedges", "POLYGON", wedges
     yield "position", "positions", "POINT", _points(places)
-    yield "tag track", "", "LINESTRING", _ways(survey)
-    yield "tag track place", "tag_tracks", "POINT", _points(way_properties(survey))
+    yield "tag track", "", "LINESTRING", _tag_paths(survey)
+    yield "tag track place", "tag_tracks", "POINT", _points(path_properties(survey))
     yield "position 95 %", "regions95", "POLYGON", circles
     yield "region {share} %", "region_outlines", "MULTILINESTRING", outlines
     yield "integrated place", "integrated_places", "POINT", _points(integrated_places(survey))
@@ -93,8 +93,8 @@ def _points(found: list[tuple[Point, Properties]]) -> list[Shape]:
     return [([[place]], facts) for place, facts in found]
 
 
-def _ways(survey: Survey) -> list[Shape]:
-    ways = [(way_of(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
+def _tag_paths(survey: Survey) -> list[Shape]:
+    ways = [(path_points(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
     return [(split_at_date_line(way), facts) for way, facts in ways if len(way) > 1]
 
 
@@ -181,7 +181,7 @@ def mark_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     ]
 
 
-def way_properties(survey: Survey) -> list[tuple[Point, Properties]]:
+def path_properties(survey: Survey) -> list[tuple[Point, Properties]]:
     """Longitude, latitude and attributes of each point on the paths of moving tags."""
     return [
         (

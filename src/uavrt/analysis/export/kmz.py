@@ -19,11 +19,11 @@ from uavrt.analysis.export.xml_text import printable
 from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
+    path_points,
     ray,
     ray_length_m,
     region95,
     region_lines,
-    way_of,
     wedge,
 )
 from uavrt.analysis.survey import Survey, thinned
@@ -142,7 +142,7 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
             file = f"files/heat_{tag_id}.png"
             files[file] = png_bytes(heat(position.grid.probability[::-1]))
             _overlay(folder, f"{name} probability", file, position.grid)
-        _way(folder, name, position)
+        _track(folder, name, position)
     _signal(folder, survey, tag_id, files)
     _bearings(folder, survey, tag_id)
     _pulses(folder, "pulses", "pulse", survey.pulses_of(tag_id))
@@ -165,12 +165,14 @@ def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
                 _polygon(several, ring)
 
 
-def _way(folder: ET.Element, name: str, position: Position) -> None:
+def _track(folder: ET.Element, name: str, position: Position) -> None:
     if len(position.track) < 2:
         return
     inner = ET.SubElement(folder, "Folder")
     _text(inner, "name", f"{name} track")
-    _geometry(_placemark(inner, f"{name} track", "outline"), "LineString", way_of(position))
+    _geometry(
+        _placemark(inner, f"{name} track", "outline"), "LineString", path_points(position)
+    )
     for one in position.track:
         mark = _placemark(inner, f"within {one.radius95_m:.0f} m with 95 %", "pulse")
         _stamped(mark, one.time_ns)

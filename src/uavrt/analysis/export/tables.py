@@ -127,7 +127,7 @@ def fixes_csv(survey: Survey) -> str:
     return _csv(header, rows)
 
 
-def ways_csv(survey: Survey) -> str:
+def tag_paths_csv(survey: Survey) -> str:
     """Write the position of each moving tag at each time of its path."""
     header = (
         *("tag_id", "name", "time_utc", "latitude_deg", "longitude_deg"),

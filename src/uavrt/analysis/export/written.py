@@ -75,7 +75,7 @@ def _csv(survey: Survey, directory: Path) -> list[Path]:
     ) + _where_any(
         directory,
         {
-            "ways.csv": tables.ways_csv(survey) if _walked(survey) else None,
+            "ways.csv": tables.tag_paths_csv(survey) if _walked(survey) else None,
             "marks.csv": tables.marks_csv(survey) if survey.marks else None,
         },
     )

@@ -70,7 +70,7 @@ def region95(position: Position) -> list[Point] | None:
     return points
 
 
-def way_of(position: Position | None) -> list[Point]:
+def path_points(position: Position | None) -> list[Point]:
     """Path of a moving tag as points; empty for a resting tag."""
     track = () if position is None else position.track
     return [(one.longitude_deg, one.latitude_deg) for one in track]

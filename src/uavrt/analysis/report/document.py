@@ -84,7 +84,7 @@ class _Book:
         survey = self._survey
         writer = _Writer(self)
         writer.text("Search by the drone itself", size=14, weight="bold")
-        for text in searches.account(survey, search):
+        for text in searches.sentences(survey, search):
             writer.text(text)
             writer.skip(0.3)
         table = searches.found_table(survey, search)
@@ -148,7 +148,7 @@ class _Book:
         writer = _Writer(self)
         title = f"Where tag {words.title_of(survey, one.tag_id)} would have been heard"
         writer.text(title, size=14, weight="bold")
-        for text in (*silences.account(survey, one), silences.CAPTION):
+        for text in (*silences.sentences(survey, one), silences.CAPTION):
             writer.text(text)
             writer.skip(0.3)
         height = min(0.6, writer.left - 0.02)

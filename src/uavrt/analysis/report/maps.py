@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.shapes import Point, ray, ray_length_m, rings95, way_of, wedge
+from uavrt.analysis.measure.shapes import Point, path_points, ray, ray_length_m, rings95, wedge
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.ground import draw_ground
 from uavrt.analysis.report.style import (
@@ -60,7 +60,7 @@ class LocalMap:
             if found is not None and found.position is not None:
                 places.append((found.position.longitude_deg, found.position.latitude_deg))
                 places += [place for ring in rings95(found) for place in ring]
-                places += way_of(found.position)
+                places += path_points(found.position)
             places += _hindsight_places(survey, tag_id)
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
         self._frame(places, margin)
@@ -230,7 +230,7 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
         x, y = chart.line(ring)
         chart.axes.plot(x, y, color=color, lw=1.3, zorder=5)
     if position.track:
-        x, y = chart.line(way_of(position))
+        x, y = chart.line(path_points(position))
         chart.axes.plot(x, y, color=color, lw=1.6, ls=":", zorder=5)
     (x,), (y,) = chart.line([(position.longitude_deg, position.latitude_deg)])
     tag = survey.tag(tag_id)

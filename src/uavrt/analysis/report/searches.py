@@ -59,7 +59,7 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
         yield FlownSearch(notes=own)
 
 
-def account(survey: Survey, search: FlownSearch) -> list[str]:
+def sentences(survey: Survey, search: FlownSearch) -> list[str]:
     """Sentences on the search's task, how it ended, and where tags not found may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0

@@ -23,7 +23,7 @@ CAPTION = (
 )
 
 
-def account(survey: Survey, one: SilentMap) -> list[str]:
+def sentences(survey: Survey, one: SilentMap) -> list[str]:
     """Sentences that summarise the coverage map of a tag that was not found."""
     found = one.coverage
     if one.heard_pulses:

@@ -100,7 +100,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
     return replace(one, pose=replace(one.pose, altitude_relative_m=0.0))
 
 
-def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
+def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
     """Number of pulses with a pose; raises `UsageError` if fewer than a quarter."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
@@ -140,7 +140,7 @@ def estimate_offset(
             remedy="Give --clock-offset, 0 when both clocks were set by GPS",
         )
     coarse = np.arange(-SEARCH_S, SEARCH_S + STEP_S, STEP_S)
-    common.demand_cover(coarse, posed=found_by == "poses")
+    common.require_cover(coarse, posed=found_by == "poses")
     cost = np.array([misfit(offset) for offset in coarse])
     best = float(coarse[int(np.nanargmin(cost))])
     if found_by == "powers":
@@ -199,7 +199,7 @@ def _sigma_s(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _HeardOnWay:
+class _TagOnTrack:
     east_m: _Floats
     north_m: _Floats
     yaw_deg: _Floats
@@ -262,8 +262,8 @@ class _Common:
         self._turn_s = seconds([one.time_ns for one in track.attitudes])
         yaw = [yaw_deg(one.quaternion_wxyz) for one in track.attitudes]
         self._track_yaw = np.unwrap(yaw, period=360.0)
-        self._way_s = seconds([one.time_ns for one in track.positions])
-        self._way = plane.to_local(
+        self._place_s = seconds([one.time_ns for one in track.positions])
+        self._places = plane.to_local(
             [one.latitude_deg for one in track.positions],
             [one.longitude_deg for one in track.positions],
         )
@@ -273,7 +273,7 @@ class _Common:
         self._least_covered = 1
         self._grid = [
             (way.mean() + np.outer(radius, turned(bearing))).ravel()
-            for way, turned in zip(self._way, (np.sin, np.cos), strict=True)
+            for way, turned in zip(self._places, (np.sin, np.cos), strict=True)
         ]
 
     def _turn_rate_deg_s(self) -> float:
@@ -295,8 +295,8 @@ class _Common:
         turned = np.exp(1j * np.radians(yaw))
         off = np.degrees(np.angle(turned * np.conj(turned.mean())))
         away = [
-            np.interp(times, self._way_s, way) - place[inside]
-            for way, place in zip(self._way, self._place, strict=True)
+            np.interp(times, self._place_s, way) - place[inside]
+            for way, place in zip(self._places, self._place, strict=True)
         ]
         apart = np.hypot(*away) / 5.0
         return float(np.mean(np.minimum((off / 10.0) ** 2, 9.0) + np.minimum(apart**2, 9.0)))
@@ -329,7 +329,7 @@ class _Common:
             tag_id: (float(self._grid[0][cell]), float(self._grid[1][cell]))
             for tag_id, cell in zip(heard, cells, strict=True)
         }
-        middle = (float(self._way[0].mean()), float(self._way[1].mean()))
+        middle = (float(self._places[0].mean()), float(self._places[1].mean()))
 
         def misfit(offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
             near = self._heard(offset_s, antenna, keep)
@@ -342,7 +342,7 @@ class _Common:
 
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
-    ) -> "dict[int, _HeardOnWay] | None":
+    ) -> "dict[int, _TagOnTrack] | None":
         """Pulses of each tag with the antenna's poses; None if the track covers too few."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
@@ -350,11 +350,11 @@ class _Common:
         inside = inside if keep is None else inside & keep
         times = self.time_s[inside] - offset_s
         yaw = np.interp(times, self._turn_s, self._track_yaw)
-        east, north = (np.interp(times, self._way_s, way) for way in self._way)
+        east, north = (np.interp(times, self._place_s, way) for way in self._places)
         found = {}
         for tag_id in np.unique(self.tag[inside]):
             own = self.tag[inside] == tag_id
-            found[int(tag_id)] = _HeardOnWay(
+            found[int(tag_id)] = _TagOnTrack(
                 east_m=east[own],
                 north_m=north[own],
                 yaw_deg=yaw[own],
@@ -363,7 +363,7 @@ class _Common:
             )
         return found
 
-    def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
+    def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
         """Exclude offsets at which the track covers far fewer pulses than at the best.
 
         Raises `UsageError` if even the best covers too few to distinguish an offset from
@@ -373,7 +373,7 @@ class _Common:
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"
         if not most:
-            raise self._apart(times_s, remedy)
+            raise self._no_overlap(times_s, remedy)
         if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
             raise UsageError(
                 f"the track covers {most} of {len(times_s)} pulses at the most, however the "
@@ -382,9 +382,9 @@ class _Common:
             )
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
 
-    def _apart(self, times_s: _Floats, remedy: str) -> UsageError:
+    def _no_overlap(self, times_s: _Floats, remedy: str) -> UsageError:
         """Error for logs that do not overlap; names the time zone if one would explain it."""
-        ahead_s = float(times_s.min()) - max(self._turn_s[0], self._way_s[0])
+        ahead_s = float(times_s.min()) - max(self._turn_s[0], self._place_s[0])
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():
             remedy = (
@@ -410,6 +410,6 @@ class _Common:
         return self._between(self._posed_s if posed else self.time_s, offset_s)
 
     def _between(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_]:
-        low = max(self._turn_s[0], self._way_s[0]) + offset_s
-        high = min(self._turn_s[-1], self._way_s[-1]) + offset_s
+        low = max(self._turn_s[0], self._place_s[0]) + offset_s
+        high = min(self._turn_s[-1], self._place_s[-1]) + offset_s
         return np.asarray((times_s >= low) & (times_s <= high))

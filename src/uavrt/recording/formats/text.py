@@ -11,7 +11,7 @@ from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.foreign import TEXT_LOG, most_unpacked, pieces_of, read_file, unpack
 from uavrt.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
-from uavrt.recording.damaged_lines import words_of
+from uavrt.recording.damaged_lines import reason_of
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 T = TypeVar("T")
@@ -57,7 +57,7 @@ def wrong_line(
     path: str | os.PathLike[str], number: int, why: object, remedy: str
 ) -> FormatError:
     """Make the error for one line; the fault's own advice precedes `remedy`."""
-    reason, known = words_of(why)
+    reason, known = reason_of(why)
     return FormatError(f"{os.fspath(path)} line {number}: {reason}", remedy=known or remedy)
 
 

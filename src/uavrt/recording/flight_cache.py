@@ -8,7 +8,7 @@ from uavrt.recording.layout import Stamp, stamp_of
 T = TypeVar("T")
 
 
-class Stamped(Generic[T]):
+class FlightCache(Generic[T]):
     """Values read from flights, each with the state of the flight's files at that time.
 
     `read` reads the flight in a directory. `kept` has values of an earlier run, by directory.
