@@ -96,7 +96,6 @@ def _pulses_of(outline: FlightOutline) -> _Pulses | None:
 
 
 def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]:
-    """Pairs of flights that share several of the sampled pulses."""
     if not pulses:
         return
     numbers, rng = [*pulses], np.random.default_rng(0)
@@ -196,7 +195,7 @@ def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
     """True if one recorder wrote both records as separate flights.
 
     Recordings of drones are the same only if they began in the same nanosecond. Recordings of
-    ground stations are told apart by folder. So flights of a clock that restarts in 1970 are
+    ground stations are distinguished by folder. So flights of a clock that restarts in 1970 are
     not merged.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:

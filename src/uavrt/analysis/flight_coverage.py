@@ -1,4 +1,4 @@
-"""Maps of where a tag would have been heard in a flight, from its poses and its noise."""
+"""Map where a flight would have detected a tag, from the flight's poses and noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

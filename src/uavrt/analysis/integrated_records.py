@@ -41,7 +41,7 @@ class SlotRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Place of a tag; all None where it was not found, or has no common place."""
+    """Place of a tag; all None if the tag was not found, or moved between flights."""
 
     enr_db: float | None = None
     """Energy of the tag's strongest pulse over noise density [dB]."""

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.foreign import MAP_PART, read_json, require_plain_file
-from uavrt.recording.plain_database import watch
+from uavrt.recording.plain_database import limit_queries
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
@@ -98,7 +98,6 @@ def read_map(path: Path) -> MapFile:
 
 
 def _fault_text(error: BaseException) -> str:
-    """Describe an SQLite error in terms of map files."""
     if isinstance(error, FileNotFoundError):
         return "it does not exist"
     if isinstance(error, sqlite3.Error):
@@ -185,7 +184,7 @@ def _opened(path: Path) -> "closing[sqlite3.Connection]":
     require_plain_file(path)
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     database = sqlite3.connect(address, uri=True)
-    watch(database, MAP_QUERY_S)
+    limit_queries(database, MAP_QUERY_S)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 2 * MOST_TILE)
     database.execute("PRAGMA trusted_schema=OFF")
     return closing(database)

@@ -262,7 +262,6 @@ def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s:
 def _draw_residuals(
     axes: "Axes", pulses: Sequence[Pulse], times_s: NDArray[np.float64], beat: Beat | None
 ) -> None:
-    """Draw the deviation of each pulse from the regular beat."""
     axes.axvline(0.0, color="0.6", linewidth=0.8)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)

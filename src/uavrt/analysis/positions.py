@@ -301,7 +301,6 @@ def _positions_of_turns(
 
 
 def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
-    """True if a file's bearing was estimated from a turn that was also read."""
     places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
     off_deg = abs(difference_deg(noted.bearing.bearing_deg, own.bearing.bearing_deg))
     sigmas_deg = (one.bearing.sigma_deg or _USUAL_SIGMA_DEG for one in (noted, own))
@@ -347,7 +346,6 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _is_result(path: str | os.PathLike[str]) -> bool:
-    """True if a file contains bearings or positions instead of pulses."""
     return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 

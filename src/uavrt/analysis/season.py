@@ -119,7 +119,6 @@ def _animals(flights: Sequence[CopiesOfFlight]) -> tuple[AnimalOfSeason, ...]:
 
 
 def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
-    """Summarise one animal's flights, with the tag as each flight listed it."""
     tag = searched[-1][0]
     heard = [flight[0] for _, flight in searched if tag.tag_id in flight[0].heard]
     firsts = ((one.heard[tag.tag_id].first_ns, one.info.start_time_ns) for one in heard)

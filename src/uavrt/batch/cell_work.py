@@ -59,71 +59,60 @@ class CellTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect pulses in the cell with `work_on`."""
-        return work_on(self, should_stop=should_stop, on_samples=on_done)
+        """Detect pulses in the cell; None if stopped before the end.
 
-
-def work_on(
-    task: CellTask,
-    *,
-    should_stop: Callable[[], bool] = lambda: False,
-    on_samples: Callable[[int], None] = lambda _count: None,
-) -> CellResult | None:
-    """Detect pulses in a cell; None if stopped before the end.
-
-    `should_stop` is called at each block. `on_samples` receives the number of samples since its
-    last call.
-    """
-    cell, began_s = task.cell, time.process_time()
-    pulses: list[Pulse] = []
-    beeps: list[Beep] = []
-    place, lost, invalid, fault, gone = cell.lead_in, 0, 0, None, False
-    try:
-        with closing(task.recording.open()) as source:
-            chain = _chain(task, source)
-            radio = Receiver(source.center_frequency_hz, source.sample_rate_hz)
-            search = BeepSearch(task.sought.tags, task.frequency_window_hz, radio)
-            chain.on_band = search.add
-            source.skip_to(place)
-            try:
-                while place < cell.end:
-                    if should_stop():
-                        return None
-                    block = source.read()
-                    assert block is not None  # a file never makes one wait
-                    # The last block is cut at the cell's end.
-                    if place + len(block.samples) > cell.end:
-                        block = replace(block, samples=block.samples[: cell.end - place])
-                    # A gap in what is read again counts in the cell that it belongs to.
-                    if cell.begin_ns is None or block.time_ns >= cell.begin_ns:
-                        lost += block.lost_before
-                    pulses += chain.process(block)
-                    place += len(block.samples)
-                    on_samples(len(block.samples))
-                if place == source.total_samples:
-                    source.read()  # says why the recording is not whole, if it is not
-            except EOFError:
-                fault = (
-                    None if place >= cell.end else "it ended early: it was changed meanwhile"
-                )
-            except UavrtError as error:
-                fault, gone = str(error), _gone(task, error)
-            pulses += chain.flush()
-            beeps = search.finish()
-            invalid = source.invalid_values
-    except UavrtError as error:
-        fault, gone = str(error), _gone(task, error)
-    return CellResult(
-        number=cell.number,
-        pulses=[] if gone else [one for one in pulses if _counts(cell, one)],
-        beeps=[] if gone else beeps,
-        lost_samples=lost,
-        invalid_values=invalid,
-        cpu_s=time.process_time() - began_s,
-        searched=place > cell.lead_in,
-        fault=fault,
-        unreachable=gone,
-    )
+        `should_stop` is called at each block. `on_done` receives the number of samples since
+        its last call.
+        """
+        cell, began_s = self.cell, time.process_time()
+        pulses: list[Pulse] = []
+        beeps: list[Beep] = []
+        place, lost, invalid, fault, gone = cell.lead_in, 0, 0, None, False
+        try:
+            with closing(self.recording.open()) as source:
+                chain = _chain(self, source)
+                radio = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+                search = BeepSearch(self.sought.tags, self.frequency_window_hz, radio)
+                chain.on_band = search.add
+                source.skip_to(place)
+                try:
+                    while place < cell.end:
+                        if should_stop():
+                            return None
+                        block = source.read()
+                        assert block is not None  # a file never makes one wait
+                        # The last block is cut at the cell's end.
+                        if place + len(block.samples) > cell.end:
+                            block = replace(block, samples=block.samples[: cell.end - place])
+                        # A gap in what is read again counts in the cell that it belongs to.
+                        if cell.begin_ns is None or block.time_ns >= cell.begin_ns:
+                            lost += block.lost_before
+                        pulses += chain.process(block)
+                        place += len(block.samples)
+                        on_done(len(block.samples))
+                    if place == source.total_samples:
+                        source.read()  # raises the reason if the recording is incomplete
+                except EOFError:
+                    if place < cell.end:
+                        fault = "it ended early: it was changed meanwhile"
+                except UavrtError as error:
+                    fault, gone = str(error), _gone(self, error)
+                pulses += chain.flush()
+                beeps = search.finish()
+                invalid = source.invalid_values
+        except UavrtError as error:
+            fault, gone = str(error), _gone(self, error)
+        return CellResult(
+            number=cell.number,
+            pulses=[] if gone else [one for one in pulses if _counts(cell, one)],
+            beeps=[] if gone else beeps,
+            lost_samples=lost,
+            invalid_values=invalid,
+            cpu_s=time.process_time() - began_s,
+            searched=place > cell.lead_in,
+            fault=fault,
+            unreachable=gone,
+        )
 
 
 def keep_cell(directory: Path, result: CellResult) -> None:

@@ -65,7 +65,7 @@ class Detecting:
                 shutil.rmtree(kept)
         self._jobs: list[_Job] = []
         self.keys: dict[Path, str] = {}
-        """Keys of the recordings that can be opened, by path."""
+        """Hash of content, tags and settings of each recording that can be opened, by path."""
         self.kept: dict[str, str] = {}
         """Reason for each recording that is not reachable now; its earlier results stay."""
         self.done_before = 0

@@ -73,7 +73,7 @@ def read_keys(text: str) -> dict[str, str]:
 
 
 def flight_files(task: FlightTask) -> list[Path]:
-    """Files whose content a flight's results depend on."""
+    """Files on which a flight's results depend."""
     layout = FlightLayout(Path(task.path))
     track = [] if task.track is None else [task.track]
     return [layout.database, layout.write_ahead_log, *track]

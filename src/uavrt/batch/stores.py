@@ -73,7 +73,6 @@ def _below(system: Any, path: str, url: str) -> list[str]:
 
 
 def _size_of(system: Any, path: str, url: str) -> int:
-    """Size of a stored file; raises `StoreError` if the server reports none."""
     size = system.info(path).get("size")
     if not isinstance(size, int) or not 0 <= size <= MOST_BYTES:
         raise StoreError(

@@ -152,7 +152,7 @@ def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
 
 
 class _Pool:
-    """Pool of processes on this machine, usable until one of them crashes."""
+    """Processes of this machine that run tasks, until one of them crashes."""
 
     def __init__(self, workers: int) -> None:
         # A fresh interpreter each: a fork would copy the threads' locks as they are.

@@ -42,8 +42,8 @@ PIECE_S, SHORTEST_PIECE_S = 300.0, 5.0
 PIECES_OF_BUDGET = 8
 """Least number of files into which each channel's share of the budget is divided."""
 FREE_SPACE_FACTOR = 1.2
-"""Ratio of free space needed to that of other recordings: channels stop first, so that they
-never cause flights to be removed."""
+"""Free space that channels need, over that of other recordings [ratio]: channels stop first, so
+that they never cause flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
 """Least rms of the noise's I and Q at the start of a file [steps], by bits per value."""
 FINER = math.sqrt(0.5)
@@ -215,7 +215,6 @@ class ChannelRecorder:
         return self._closing or self._waiting_bytes > MOST_WAITING_BYTES // 4
 
     def _flush(self) -> None:
-        """Write all queued batches."""
         with self._condition:
             batches, self._batches = self._batches, []
         for run in _runs(batches):
@@ -393,7 +392,6 @@ def _without_gaps(samples: NDArray[np.complex64], shortest: int) -> list[tuple[i
 
 
 def _needed(peak: float, bits: int) -> float:
-    """Smallest full scale that holds the largest I or Q value."""
     return peak * FULL_SCALE[bits] / (FULL_SCALE[bits] - 1.0)
 
 

@@ -18,7 +18,7 @@ class TableWriter:
         self._writer = csv.writer(stream, lineterminator="\n")
 
     def writerow(self, row: Iterable[Any]) -> None:
-        """Write one row."""
+        """Write one row, with cells disarmed."""
         self._writer.writerow([no_formula(cell) for cell in row])
 
     def writerows(self, rows: Iterable[Iterable[Any]]) -> None:
@@ -35,7 +35,6 @@ def no_formula(cell: Any) -> Any:
 
 
 def _is_numbers(text: str) -> bool:
-    """True if a text is one or several numbers."""
     try:
         return bool([float(part) for part in text.split()])
     except ValueError:

@@ -78,7 +78,7 @@ def order_noted(directory: Path) -> dict[str, int]:
 def flown_before(flight: Path) -> list[Path] | None:
     """Flights of the same folder that were flown before one, the oldest first.
 
-    None if the flight is not listed, so that only its clock can tell.
+    None if the flight is not listed, so that only its clock gives the order.
     """
     name = flown_name(flight.name)
     if name not in order_noted(flight.parent):

@@ -5,10 +5,11 @@ import os
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -31,7 +32,9 @@ from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES
 from uavrt.recording.tag_names import tags_with_names
 
+R = TypeVar("R")
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
+_LATER_TABLES = ("search_notes", "beeps")
 LATEST_NS = 2**62
 """Latest time accepted in a flight [ns since 1970]; sums and differences fit in 64 bits."""
 
@@ -104,59 +107,51 @@ def ground_states_in(database: sqlite3.Connection) -> GroundStates:
 
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
     """Read the health records of all processes; raises `FormatError`."""
-    with flight_database(Path(directory)) as database:
-        rows = database.execute(
-            "SELECT time_ns, process, status, ok, counters FROM health ORDER BY time_ns"
-        )
-        return tuple(map(schema.health_from_row, rows))
+    columns = "time_ns, process, status, ok, counters"
+    return _records(directory, "health", columns, schema.health_from_row)
 
 
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
     """Read searches without a detection; raises `FormatError`."""
-    with flight_database(Path(directory)) as database:
-        rows = database.execute(
-            f"SELECT {schema.SEARCH_REPORT_COLUMNS} FROM search_reports"
-            " ORDER BY time_ns, tag_id"
-        )
-        return tuple(map(schema.search_report_from_row, rows))
+    columns, of_row = schema.SEARCH_REPORT_COLUMNS, schema.search_report_from_row
+    return _records(directory, "search_reports", columns, of_row, order="time_ns, tag_id")
 
 
 def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ...]:
     """Read the decisions and results of autonomous searches; raises `FormatError`."""
-    rows = _rows_if_any(directory, "search_notes", schema.SEARCH_NOTE_COLUMNS)
-    return tuple(map(schema.search_note_from_row, rows))
+    columns = schema.SEARCH_NOTE_COLUMNS
+    return _records(directory, "search_notes", columns, schema.search_note_from_row)
 
 
 def read_beeps(directory: str | os.PathLike[str]) -> tuple[Beep, ...]:
     """Read the last measurement of each unlisted beeping sender; raises `FormatError`."""
     found: list[Beep] = []
-    for row in _rows_if_any(directory, "beeps", schema.BEEP_COLUMNS):
+    for row in _records(directory, "beeps", schema.BEEP_COLUMNS, tuple):
         with suppress(ValueError):  # a kind of a newer version
             keep_beep(found, schema.beep_from_row(row))
     return tuple(found)
 
 
-def _rows_if_any(
-    directory: str | os.PathLike[str], table: str, columns: str
-) -> list[schema.Row]:
-    """Rows of a table in order of time; empty for older flights without the table."""
-    with flight_database(Path(directory)) as database:
-        tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?"
-        if database.execute(tables, (table,)).fetchone() is None:
-            return []
-        return database.execute(
-            f"SELECT {columns} FROM {table} ORDER BY time_ns, rowid"
-        ).fetchall()
-
-
 def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
     """Read the times when detection was stopped by command [ns, UTC]; raises `FormatError`."""
+    stops = "commands WHERE name = 'stop_detection' AND accepted"
+    return _records(directory, stops, "time_ns", lambda row: row[0])
+
+
+def _records(
+    directory: str | os.PathLike[str],
+    source: str,
+    columns: str,
+    of_row: Callable[[schema.Row], R],
+    order: str = "time_ns, rowid",
+) -> tuple[R, ...]:
+    """Records of a table in order of time; none if an older flight lacks the table."""
     with flight_database(Path(directory)) as database:
-        rows = database.execute(
-            "SELECT time_ns FROM commands WHERE name = 'stop_detection' AND accepted"
-            " ORDER BY time_ns"
-        )
-        return tuple(time_ns for (time_ns,) in rows)
+        tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?"
+        if source in _LATER_TABLES and not database.execute(tables, (source,)).fetchone():
+            return ()
+        rows = database.execute(f"SELECT {columns} FROM {source} ORDER BY {order}")
+        return tuple(map(of_row, rows))
 
 
 DAMAGED = (

@@ -276,7 +276,6 @@ class FlightRecorder:
         self._begun = True
 
     def _restore(self) -> None:
-        """Copy the pulses of the text log into a new database."""
         logged = PulsePoseLog(self.layout.pulse_pose_log).pulse_poses()
         while some := list(itertools.islice(logged, AT_ONCE)):
             new = self.database.insert(some, self._urgent)

@@ -54,7 +54,7 @@ class IQRecorder:
         self.trouble: str | None = None
         """Reason why nothing is written at present; None if all is well."""
         try:
-            self._file = SampleFile(
+            self.file = SampleFile(
                 base,
                 sample_rate_hz=sample_rate_hz,
                 center_frequency_hz=center_frequency_hz,
@@ -76,34 +76,14 @@ class IQRecorder:
         self._thread.start()
 
     @property
-    def data_path(self) -> Path:
-        """File of the samples."""
-        return self._file.data_path
-
-    @property
-    def metadata_path(self) -> Path:
-        """File of the SigMF metadata."""
-        return self._file.metadata_path
-
-    @property
     def room_samples(self) -> int:
         """Number of samples that fit on the disk now."""
-        return self._space.room_bytes() // self._file.bytes_per_sample
+        return self._space.room_bytes() // self.file.bytes_per_sample
 
     @property
     def written_samples(self) -> int:
         """Number of samples in the file."""
-        return self._file.written_samples
-
-    @property
-    def clipped_samples(self) -> int:
-        """Number of samples beyond full scale, stored at its limit."""
-        return self._file.clipped_samples
-
-    @property
-    def gaps(self) -> int:
-        """Number of places where samples are missing."""
-        return self._file.gaps
+        return self.file.written_samples
 
     def put(self, block: IQBlock) -> bool:
         """Queue a copy of a block, and return at once; false if it was dropped.
@@ -141,7 +121,7 @@ class IQRecorder:
                     with self._condition:
                         self._waiting_samples -= len(block.samples)
         finally:
-            self._file.close()
+            self.file.close()
 
     def _next_blocks(self) -> list[IQBlock]:
         """Wait for enough blocks to write; empty at the end."""
@@ -153,12 +133,11 @@ class IQRecorder:
             return blocks
 
     def _write(self, block: IQBlock) -> None:
-        """Write a block completely or not at all."""
         if not self._space.enough():
             self._drop(block, "the disk is nearly full")
             return
         try:
-            self._file.append(block.samples, block.sample_index, block.time_ns)
+            self.file.append(block.samples, block.sample_index, block.time_ns)
         except OSError as error:
             self._drop(block, error.strerror or str(error))
             return
@@ -168,4 +147,4 @@ class IQRecorder:
         with self._condition:
             self.dropped_samples += len(block.samples)
         self.trouble = why
-        self._file.break_off()
+        self.file.break_off()

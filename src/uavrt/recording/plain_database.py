@@ -10,7 +10,6 @@ import sqlite3
 import stat
 import threading
 import time
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -26,7 +25,7 @@ LONGEST_DEFINITION = 20_000
 _COMPUTED = re.compile(r"(?<![a-z_])as(?![a-z_])", re.IGNORECASE)
 """Pattern that every definition of a table with a generated column contains."""
 
-ended = threading.Event()
+queries_ended = threading.Event()
 """Set when the program ends, which interrupts all queries."""
 
 
@@ -40,7 +39,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
     address = f"{path.absolute().as_uri()}?mode={mode}"
     database = sqlite3.connect(address, uri=True, timeout=5.0)
     try:
-        watch(database)
+        limit_queries(database)
         database.execute("PRAGMA trusted_schema=OFF")
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE_BYTES)
         odd = _odd_name(database)
@@ -89,11 +88,12 @@ def require_plain_files(path: Path) -> None:
             raise sqlite3.DatabaseError(f"{path.name}{suffix} is not a file")
 
 
-def watch(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
-    """End queries after a time limit, at the end of the program, and on Ctrl-C."""
-    database.set_progress_handler(_watcher(time.thread_time() + longest_s), STEPS)
+def limit_queries(database: sqlite3.Connection, longest_s: float = LONGEST_S) -> None:
+    """End queries after a limit of CPU time, at the end of the program, and on Ctrl-C.
 
-
-def _watcher(until_s: float) -> Callable[[], int]:
-    """Callback that ends queries; it counts CPU time, so a busy computer does not matter."""
-    return lambda: int(ended.is_set() or time.thread_time() > until_s)
+    CPU time of this thread is used, so that a busy computer makes no query too long.
+    """
+    until_s = time.thread_time() + longest_s
+    database.set_progress_handler(
+        lambda: int(queries_ended.is_set() or time.thread_time() > until_s), STEPS
+    )

@@ -43,8 +43,6 @@ def _bursts(survey: Survey) -> list[PulsePose]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Port:
-    """A receiver port tuned to one nominal frequency."""
-
     number: int
     tuned_hz: float
 

@@ -82,15 +82,11 @@ def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
     _styles(document)
     track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
     if len(track) > 1:
-        flown = _placemark(document, "track", "track")
-        if vehicle is not None:
-            _text(flown, "description", vehicle, before="styleUrl")
-        _geometry(flown, "LineString", track)
+        _geometry(_placemark(document, "track", "track", vehicle), "LineString", track)
     for tag_id in survey.tag_ids:
         _tag(document, survey, tag_id, files)
     for seen in survey.marks:
-        mark = _placemark(document, seen.text or "mark", "mark")
-        _stamped(mark, seen.time_ns)
+        mark = _placemark(document, seen.text or "mark", "mark", time_ns=seen.time_ns)
         _geometry(mark, "Point", [(seen.longitude_deg, seen.latitude_deg)])
     return root
 
@@ -125,11 +121,8 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
     found = survey.position_of(tag_id)
     position = None if found is None else found.position
     if position is not None:
-        mark = _placemark(folder, name, "position")
-        _text(mark, "description", _described(survey, tag_id), before="styleUrl")
         time_ns = survey.position_time_ns(tag_id)
-        if time_ns is not None:
-            _stamped(mark, time_ns)
+        mark = _placemark(folder, name, "position", _described(survey, position), time_ns)
         place = (position.longitude_deg, position.latitude_deg)
         _geometry(mark, "Point", [place])
         area = region95(position)
@@ -174,8 +167,8 @@ def _track(folder: ET.Element, name: str, position: Position) -> None:
         _placemark(inner, f"{name} track", "outline"), "LineString", path_points(position)
     )
     for one in position.track:
-        mark = _placemark(inner, f"within {one.radius95_m:.0f} m with 95 %", "pulse")
-        _stamped(mark, one.time_ns)
+        within = f"within {one.radius95_m:.0f} m with 95 %"
+        mark = _placemark(inner, within, "pulse", time_ns=one.time_ns)
         _geometry(mark, "Point", [(one.longitude_deg, one.latitude_deg)])
 
 
@@ -186,9 +179,8 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
         return
     if found.strongest is not None:
         loudest = found.strongest
-        mark = _placemark(folder, "strongest signal", "pulse")
         text = f"{loudest.snr_db:.0f} dB; the tag is about {loudest.ring_radius_m:.0f} m away"
-        _text(mark, "description", text, before="styleUrl")
+        mark = _placemark(folder, "strongest signal", "pulse", text)
         _geometry(mark, "Point", [(loudest.longitude_deg, loudest.latitude_deg)])
     if found.surface is not None:
         file = f"files/signal_{tag_id}.png"
@@ -212,11 +204,7 @@ def _start_amsl_m(survey: Survey) -> float:
     return first.altitude_amsl_m - first.altitude_relative_m
 
 
-def _described(survey: Survey, tag_id: int) -> str:
-    found = survey.position_of(tag_id)
-    assert found is not None
-    assert found.position is not None
-    position = found.position
+def _described(survey: Survey, position: Position) -> str:
     text = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     if position.radius95_m is not None:
         text += f", within {position.radius95_m:.0f} m with 95 %"
@@ -236,9 +224,8 @@ def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:
             continue
         length_m = ray_length_m(one, position)
         name = f"{one.bearing.bearing_deg:.0f}°"
-        mark = _placemark(folder, name, "bearing")
         description = "; ".join(f"{key}: {value}" for key, value in properties.items())
-        _text(mark, "description", description, before="styleUrl")
+        mark = _placemark(folder, name, "bearing", description)
         _geometry(mark, "LineString", ray(one, length_m))
         area = wedge(one, length_m)
         if area is not None:
@@ -254,8 +241,8 @@ def _pulses(folder: ET.Element, name: str, style: str, found: Iterable[PulsePose
     for one in pulses:
         assert one.pose is not None
         snr = one.pulse.snr_db
-        mark = _placemark(inner, f"{snr:.1f} dB" if math.isfinite(snr) else "", style)
-        _stamped(mark, one.pulse.start_time_ns)
+        level = f"{snr:.1f} dB" if math.isfinite(snr) else ""
+        mark = _placemark(inner, level, style, time_ns=one.pulse.start_time_ns)
         _geometry(mark, "Point", [(one.pose.longitude_deg, one.pose.latitude_deg)])
 
 
@@ -267,7 +254,6 @@ def _overlay(
     *,
     amsl_m: float | None = None,
 ) -> None:
-    """Ground overlay of a picture; at a height above sea level it is hidden at first."""
     overlay = ET.SubElement(folder, "GroundOverlay")
     _text(overlay, "name", name)
     if amsl_m is not None:
@@ -298,19 +284,21 @@ def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, flo
     return float(west), float(south), float(east), float(north)
 
 
-def _placemark(parent: ET.Element, name: str, style: str) -> ET.Element:
+def _placemark(
+    parent: ET.Element,
+    name: str,
+    style: str,
+    description: str | None = None,
+    time_ns: int | None = None,
+) -> ET.Element:
     mark = ET.SubElement(parent, "Placemark")
     _text(mark, "name", name)
+    if description is not None:
+        _text(mark, "description", description)
+    if time_ns is not None:
+        _text(ET.SubElement(mark, "TimeStamp"), "when", iso_utc(time_ns))
     _text(mark, "styleUrl", f"#{style}")
     return mark
-
-
-def _stamped(mark: ET.Element, time_ns: int) -> None:
-    """Insert a placemark's time before its style, as the schema requires."""
-    names = [child.tag for child in mark]
-    stamp = ET.Element("TimeStamp")
-    mark.insert(names.index("styleUrl"), stamp)
-    _text(stamp, "when", iso_utc(time_ns))
 
 
 def _lines(mark: ET.Element, lines: list[list[Point]]) -> None:
@@ -337,12 +325,5 @@ def _coordinates(points: list[Point]) -> str:
     return " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in points)
 
 
-def _text(
-    parent: ET.Element, name: str, text: str | None, *, before: str | None = None
-) -> None:
-    element = ET.Element(name)
-    element.text = printable(text)
-    place = len(parent)
-    if before is not None:
-        place = next((i for i, child in enumerate(parent) if child.tag == before), place)
-    parent.insert(place, element)
+def _text(parent: ET.Element, name: str, text: str | None) -> None:
+    ET.SubElement(parent, name).text = printable(text)

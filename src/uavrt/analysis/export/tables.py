@@ -193,14 +193,14 @@ def _movebank_row(
     tag_id: int,
     position: Position,
     place: tuple[int, float, float, float | None],
-) -> dict[str, Any]:
+) -> Sequence[Any]:
     time_ns, latitude_deg, longitude_deg, radius95_m = place
     tag, radius = survey.tag(tag_id), _metres(radius95_m)
     heard = "pulses" if position.pulses else "bearings"
     count = position.pulses or position.stations
     text = f"{position.method}, {count} {heard}, {survey.name}"
     contradicted = any(one.name == "contradiction" for one in position.cautions)
-    cells = (
+    return (
         *(number, _movebank_time(time_ns)),
         *(f"{longitude_deg:.8f}", f"{latitude_deg:.8f}"),
         *("radio-transmitter", _animal(survey, tag_id), tag_id),
@@ -212,22 +212,19 @@ def _movebank_row(
         str(position.at_edge or not radius or contradicted).lower(),
         "" if survey.vehicle is None else f"vehicle {survey.vehicle}",
     )
-    return dict(zip(MOVEBANK_COLUMNS, cells, strict=True))
 
 
 def movebank_reference_csv(survey: Survey) -> str:
     """Movebank's reference data: which animal wore which tag, dated by the flight."""
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
-    rows: list[dict[str, Any]] = []
+    note = f"dates are of {survey.name}: put in those of the deployment"
+    rows = []
     for tag_id in survey.tag_ids:
         tag = survey.tag(tag_id)
-        cells = (
-            *(tag_id, _animal(survey, tag_id), "" if tag is None else tag.name or ""),
-            "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
-            *(day, "", f"dates are of {survey.name}: put in those of the deployment"),
-        )
-        rows.append(dict(zip(REFERENCE_COLUMNS, cells, strict=True)))
+        name = "" if tag is None else tag.name or ""
+        frequency = "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}"
+        rows.append((tag_id, _animal(survey, tag_id), name, frequency, day, "", note))
     return _without_empty(REFERENCE_COLUMNS, rows)
 
 
@@ -236,9 +233,11 @@ def _animal(survey: Survey, tag_id: int) -> str:
     return tag.name if tag is not None and tag.name else f"tag {tag_id}"
 
 
-def _without_empty(names: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
-    kept = [name for name in names if not rows or any(row[name] != "" for row in rows)]
-    return _csv(kept, ([row[name] for name in kept] for row in rows))
+def _without_empty(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    columns = zip(names, *rows, strict=True)
+    kept = [one for one in columns if not rows or any(cell != "" for cell in one[1:])]
+    header, *cells = zip(*kept, strict=True)
+    return _csv(header, cells)
 
 
 def _bearing_row(one: TagBearing, survey: Survey, parent_file: str) -> BearingRow:

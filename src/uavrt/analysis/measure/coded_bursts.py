@@ -70,7 +70,7 @@ class MeasuredCode:
 def find_codes(
     times_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> list[MeasuredCode]:
-    """Find coded tags among the pulses at one frequency, from ascending middles and widths."""
+    """Find coded tags among pulses at one frequency, given their times and widths [s]."""
     left = split_bursts(times_s)
     found = []
     while left:

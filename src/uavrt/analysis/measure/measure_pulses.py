@@ -22,7 +22,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 SAME_RATE: Final = 0.004
 """Largest relative difference between two measurements of one pulse interval."""
 NEAR_RATE: Final = 0.05
-"""Largest relative difference between the intervals of two series that may be joined."""
+"""Largest relative difference between the intervals of two pulse series that may be joined."""
 SIGNIFICANT: Final = 4.0
 """Drift above which it is removed before the jitter is computed [standard deviations]."""
 

@@ -153,7 +153,6 @@ def _better_edges(
 
 
 def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> float:
-    """Most likely frequency: the spectrum's peak, interpolated by a parabola."""
     size = int(scipy.fft.next_fast_len(16 * pulse.size))
     power = np.abs(scipy.fft.fft(pulse, size)) ** 2
     frequencies = scipy.fft.fftfreq(size, 1.0 / rate_hz)

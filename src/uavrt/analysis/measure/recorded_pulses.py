@@ -154,7 +154,6 @@ class DetectionChain:
         return self._reported(self._group.collect() + bursts)
 
     def _finite(self, channel: ChannelBlock) -> ChannelBlock:
-        """Replace non-finite values by zeros, and count them."""
         good = np.isfinite(channel.samples)
         if good.all():
             return channel

@@ -53,7 +53,6 @@ def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0
 
 
 def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
-    """Gain of the antenna pattern as corrected by the turns [dB]."""
     return (survey.pattern or pattern_named(survey.antenna)).gain_db(off_deg)
 
 

@@ -75,7 +75,6 @@ def sentences(survey: Survey, search: FlownSearch) -> list[str]:
 
 
 def _unknown(survey: Survey, one: SoughtTag) -> str:
-    """Sentence on where a tag that was not found may be."""
     there = f"Tag {title_of(survey, one.tag_id)} was not found: heard {one.pulses} times, "
     there += f"{one.missed} times not; it is there and beeps with {100 * one.existence:.0f} %."
     if not one.likely:

@@ -226,7 +226,7 @@ def bearing_table(survey: Survey) -> Table:
 
 def health_table(survey: Survey) -> Table:
     """Table of the health reports of each process."""
-    header = ["Process", "Last word", "Well", "Counted"]
+    header = ["Process", "Last status", "Without faults", "Counters"]
     rows = []
     for process in sorted({one.process for one in survey.health}):
         own = [one for one in survey.health if one.process == process]

@@ -209,7 +209,6 @@ def _zero_for_nan(value: float) -> float:
 
 
 def _six(value: float) -> str:
-    """Format a number with six decimals; an unknown one as the original's placeholder."""
     return f"{PLACEHOLDER_DB if math.isnan(value) else value:.6f}"
 
 
@@ -233,7 +232,6 @@ def _cells(line: str) -> list[str]:
 
 
 def _layout(rows: Sequence[Sequence[str]], path: str | os.PathLike[str]) -> _Layout | None:
-    """Find the layout that fits all rows of kind 7 in a file."""
     if not rows:
         return None
     whole_rows = rows if len(rows) == 1 else rows[:-1]  # the last may be cut off
