@@ -15,7 +15,7 @@ from uavrt.analysis.export.geojson import (
     integrated_regions,
 )
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
-from uavrt.analysis.export.xml_text import printable
+from uavrt.analysis.export.xml_text import add_text
 from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
@@ -75,10 +75,10 @@ def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
     """Make the KML document, and add the pictures that it refers to to `files`."""
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
-    _text(document, "name", survey.name)
+    add_text(document, "name", survey.name)
     vehicle = None if survey.vehicle is None else f"vehicle {survey.vehicle}"
     if vehicle is not None:
-        _text(document, "description", vehicle)
+        add_text(document, "description", vehicle)
     _styles(document)
     track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
     if len(track) > 1:
@@ -95,19 +95,19 @@ def _styles(document: ET.Element) -> None:
     for name, (line, area, width) in _STYLES.items():
         style = ET.SubElement(document, "Style", id=name)
         drawn = ET.SubElement(style, "LineStyle")
-        _text(drawn, "color", line)
-        _text(drawn, "width", str(width))
+        add_text(drawn, "color", line)
+        add_text(drawn, "width", str(width))
         if area is not None:
-            _text(ET.SubElement(style, "PolyStyle"), "color", area)
+            add_text(ET.SubElement(style, "PolyStyle"), "color", area)
     for name, file, size in (
         *(("pulse", "dot", 0.4), ("integrated", "ring", 0.4), ("position", "tag", 1.0)),
         ("mark", "dot", 1.0),
     ):
         style = ET.SubElement(document, "Style", id=name)
         icon_style = ET.SubElement(style, "IconStyle")
-        _text(icon_style, "scale", str(size))
-        _text(ET.SubElement(icon_style, "Icon"), "href", f"files/{file}.png")
-        _text(
+        add_text(icon_style, "scale", str(size))
+        add_text(ET.SubElement(icon_style, "Icon"), "href", f"files/{file}.png")
+        add_text(
             ET.SubElement(style, "LabelStyle"),
             "scale",
             "0" if name in ("pulse", "integrated") else "1",
@@ -117,7 +117,7 @@ def _styles(document: ET.Element) -> None:
 def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, bytes]) -> None:
     folder = ET.SubElement(document, "Folder")
     name = survey.label(tag_id)
-    _text(folder, "name", name)
+    add_text(folder, "name", name)
     found = survey.position_of(tag_id)
     position = None if found is None else found.position
     if position is not None:
@@ -162,7 +162,7 @@ def _track(folder: ET.Element, name: str, position: Position) -> None:
     if len(position.track) < 2:
         return
     inner = ET.SubElement(folder, "Folder")
-    _text(inner, "name", f"{name} track")
+    add_text(inner, "name", f"{name} track")
     _geometry(
         _placemark(inner, f"{name} track", "outline"), "LineString", path_points(position)
     )
@@ -188,7 +188,7 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
         _overlay(folder, "signal strength", file, found.surface)
     if found.layers:
         inner = ET.SubElement(folder, "Folder")
-        _text(inner, "name", "signal strength by height")
+        add_text(inner, "name", "signal strength by height")
         for number, layer in enumerate(found.layers):
             if layer.surface is None:
                 continue
@@ -237,7 +237,7 @@ def _pulses(folder: ET.Element, name: str, style: str, found: Iterable[PulsePose
     if not pulses:
         return
     inner = ET.SubElement(folder, "Folder")
-    _text(inner, "name", name)
+    add_text(inner, "name", name)
     for one in pulses:
         assert one.pose is not None
         snr = one.pulse.snr_db
@@ -255,17 +255,17 @@ def _overlay(
     amsl_m: float | None = None,
 ) -> None:
     overlay = ET.SubElement(folder, "GroundOverlay")
-    _text(overlay, "name", name)
+    add_text(overlay, "name", name)
     if amsl_m is not None:
-        _text(overlay, "visibility", "0")  # several above each other hide each other
-    _text(ET.SubElement(overlay, "Icon"), "href", file)
+        add_text(overlay, "visibility", "0")  # several above each other hide each other
+    add_text(ET.SubElement(overlay, "Icon"), "href", file)
     if amsl_m is not None and math.isfinite(amsl_m):
-        _text(overlay, "altitude", f"{amsl_m:.1f}")
-        _text(overlay, "altitudeMode", "absolute")
+        add_text(overlay, "altitude", f"{amsl_m:.1f}")
+        add_text(overlay, "altitudeMode", "absolute")
     west, south, east, north = bounds(grid)
     box = ET.SubElement(overlay, "LatLonBox")
     for key, value in (("north", north), ("south", south), ("east", east), ("west", west)):
-        _text(box, key, f"{value:.8f}")
+        add_text(box, key, f"{value:.8f}")
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
@@ -292,12 +292,12 @@ def _placemark(
     time_ns: int | None = None,
 ) -> ET.Element:
     mark = ET.SubElement(parent, "Placemark")
-    _text(mark, "name", name)
+    add_text(mark, "name", name)
     if description is not None:
-        _text(mark, "description", description)
+        add_text(mark, "description", description)
     if time_ns is not None:
-        _text(ET.SubElement(mark, "TimeStamp"), "when", iso_utc(time_ns))
-    _text(mark, "styleUrl", f"#{style}")
+        add_text(ET.SubElement(mark, "TimeStamp"), "when", iso_utc(time_ns))
+    add_text(mark, "styleUrl", f"#{style}")
     return mark
 
 
@@ -310,20 +310,16 @@ def _lines(mark: ET.Element, lines: list[list[Point]]) -> None:
 def _geometry(mark: ET.Element, kind: str, points: list[Point]) -> None:
     shape = ET.SubElement(mark, kind)
     if kind == "LineString":
-        _text(shape, "tessellate", "1")
-    _text(shape, "coordinates", _coordinates(points))
+        add_text(shape, "tessellate", "1")
+    add_text(shape, "coordinates", _coordinates(points))
 
 
 def _polygon(mark: ET.Element, points: list[Point]) -> None:
     shape = ET.SubElement(mark, "Polygon")
-    _text(shape, "tessellate", "1")
+    add_text(shape, "tessellate", "1")
     ring = ET.SubElement(ET.SubElement(shape, "outerBoundaryIs"), "LinearRing")
-    _text(ring, "coordinates", _coordinates(points))
+    add_text(ring, "coordinates", _coordinates(points))
 
 
 def _coordinates(points: list[Point]) -> str:
     return " ".join(f"{longitude:.8f},{latitude:.8f}" for longitude, latitude in points)
-
-
-def _text(parent: ET.Element, name: str, text: str | None) -> None:
-    ET.SubElement(parent, name).text = printable(text)

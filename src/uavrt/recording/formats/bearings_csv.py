@@ -16,7 +16,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from uavrt.clock import parse_iso_utc
-from uavrt.errors import FormatError
 from uavrt.recording.formats.text import (
     finite,
     latitude,
@@ -29,7 +28,7 @@ from uavrt.recording.formats.text import (
     with_commas,
     wrong_line,
 )
-from uavrt.recording.formats.whole_file import write_whole
+from uavrt.recording.formats.whole_file import require_plain_name, write_whole
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
@@ -43,13 +42,13 @@ class BearingRow:
     tag_id: int
     parent_file: str
     bearing_deg: float
-    confidence: float | None
+    confidence: float | None = None
     latitude_deg: float
     longitude_deg: float
-    altitude_relative_m: float | None
-    altitude_amsl_m: float | None
-    start_time_ns: int | None
-    end_time_ns: int | None
+    altitude_relative_m: float | None = None
+    altitude_amsl_m: float | None = None
+    start_time_ns: int | None = None
+    end_time_ns: int | None = None
     sigma_deg: float | None = None
 
 
@@ -102,13 +101,9 @@ def _noted_row(cells: Mapping[str, str]) -> BearingRow:
         tag_id=whole(cells["tag_id"]),
         parent_file="noted",
         bearing_deg=finite(cells["bearing_deg"]),
-        confidence=None,
         latitude_deg=latitude(cells["latitude_deg"]),
         longitude_deg=longitude(cells["longitude_deg"]),
-        altitude_relative_m=None,
-        altitude_amsl_m=None,
         start_time_ns=parse_iso_utc(time) if time else None,
-        end_time_ns=None,
         sigma_deg=_sigma_deg(cells.get("sigma_deg") or "NaN"),
     )
 
@@ -138,11 +133,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
     """
     new = list(rows)
     for row in new:
-        if "," in row.parent_file or "\n" in row.parent_file:
-            raise FormatError(
-                f"the name {row.parent_file!r} cannot be written in a CSV without quotes",
-                remedy="Rename the file",
-            )
+        require_plain_name(row.parent_file)
     old = read_bearing_file(path) if os.path.exists(path) else ()
     replaced = {(row.tag_id, row.parent_file) for row in new}
     kept = [row for row in old if (row.tag_id, row.parent_file) not in replaced]

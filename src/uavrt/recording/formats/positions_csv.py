@@ -11,9 +11,8 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from uavrt.errors import FormatError
 from uavrt.recording.formats.text import cells_of, place_or_none, read_lines, whole, wrong_line
-from uavrt.recording.formats.whole_file import write_whole
+from uavrt.recording.formats.whole_file import require_plain_name, write_whole
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
@@ -41,16 +40,10 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
             if not 4 <= len(cells) <= 8:
                 raise ValueError(f"it has {len(cells)} columns")
             cells += [""] * (8 - len(cells))
-            places = [place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6)]
-            found.append(
-                PositionRow(
-                    tag_id=whole(cells[0]),
-                    bearing_file=cells[1],
-                    mle=places[0],
-                    rmr=places[1],
-                    mest=places[2],
-                )
-            )
+            mle, rmr, mest = (place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6))
+            tag_id = whole(cells[0])
+            row = PositionRow(tag_id=tag_id, bearing_file=cells[1], mle=mle, rmr=rmr, mest=mest)
+            found.append(row)
         except (ValueError, OverflowError) as error:
             remedy = "A positions.csv has 8 columns: tag, file, latitude, longitude, …"
             raise wrong_line(path, number, error, remedy) from None
@@ -63,11 +56,7 @@ def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow
     if os.path.exists(path):
         kept = {(row.tag_id, row.bearing_file): row for row in read_position_file(path)}
     for row in rows:
-        if "," in row.bearing_file or "\n" in row.bearing_file:
-            raise FormatError(
-                f"the name {row.bearing_file!r} cannot be written in a CSV without quotes",
-                remedy="Rename the file",
-            )
+        require_plain_name(row.bearing_file)
         kept[row.tag_id, row.bearing_file] = row
     write_whole(path, "".join(map(_line, kept.values())))
 
