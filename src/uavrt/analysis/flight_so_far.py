@@ -44,7 +44,7 @@ class FlightSoFar:
         self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 
-    def judge(self, tag: Tag) -> IntegratedTag | None:
+    def search(self, tag: Tag) -> IntegratedTag | None:
         """Search all samples recorded so far for one tag; None if there are too few or no new
         ones.
 

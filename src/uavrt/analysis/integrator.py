@@ -159,7 +159,7 @@ class Integration:
             began_s = cpu_s()
             result = None
             try:
-                result = flight.judge(tag)
+                result = flight.search(tag)
                 if result is not None:
                     save_integrated(read_flight(directory), [result])
                 self.fault = None

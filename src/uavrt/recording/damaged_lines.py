@@ -26,7 +26,7 @@ class DamagedLines:
         """Add a line that is not a pulse, with the reason."""
         self._faults.append((number, reason))
 
-    def judge(self, good: int) -> None:
+    def report(self, good: int) -> None:
         """Report the skipped lines; raises `FormatError` if they outnumber the good ones."""
         if not self._faults:
             return

@@ -76,7 +76,7 @@ class FlightDatabase:
             self._open.close()
             self._open = None
 
-    def give_up(self) -> None:
+    def roll_back(self) -> None:
         """Roll back after a failure and close the file, which may return on another disk."""
         if self._open is not None:
             try:
@@ -105,10 +105,10 @@ class FlightDatabase:
         with closing(sqlite3.connect(copy)) as new:
             old.backup(new)
         self.disconnect()  # before the new one has a log, which this would remove
-        self.put_aside()
+        self.move_aside()
         copy.replace(self._layout.database)
 
-    def put_aside(self) -> str:
+    def move_aside(self) -> str:
         """Rename the file at the database's path, and return its new name."""
         database = self._layout.database
         number = 1

@@ -208,7 +208,7 @@ class FlightRecorder:
                 self._pulses.clear()
                 for written in others:
                     written.clear()
-                self._logs.take(new)
+                self._logs.add(new)
         except (sqlite3.Error, OSError, RecordingError) as error:
             self.failed_commits += 1
             raise self._failure(error) from error
@@ -265,7 +265,7 @@ class FlightRecorder:
             if not is_damage(error):
                 raise
             self.database.disconnect()
-            aside = self.database.put_aside()
+            aside = self.database.move_aside()
             self._logs.compare_first()
             self._restoring = True
             self.mended = f"database damaged ({error}), put aside as {aside}"
@@ -280,7 +280,7 @@ class FlightRecorder:
         while some := list(itertools.islice(logged, AT_ONCE)):
             new = self.database.insert(some, self._urgent)
             self._urgent.clear()
-            self._logs.take(new)
+            self._logs.add(new)
         self._restoring = False
 
     def _add(
@@ -298,7 +298,7 @@ class FlightRecorder:
             return error
         if is_damage(error):
             self._begun = False
-        self.database.give_up()
+        self.database.roll_back()
         waiting = f"{self.waiting_records} records wait in memory"
         return RecordingError(
             f"cannot write the flight {self.layout.root}: {error}",

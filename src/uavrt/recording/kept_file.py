@@ -58,7 +58,7 @@ class KeptFile(Generic[R]):
         except OSError as error:
             self._complain(error)
 
-    def forget(self) -> None:
+    def remove(self) -> None:
         """Delete the file."""
         try:
             self.path.unlink(missing_ok=True)

@@ -169,7 +169,7 @@ def read_pulse_file(
                 found.append(pulse_from_record(record))
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             damaged.add(number, error)
-    damaged.judge(len(found))
+    damaged.report(len(found))
     return tuple(_with_inside(item, insides) for item in found) if insides else tuple(found)
 
 

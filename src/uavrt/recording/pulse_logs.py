@@ -44,7 +44,7 @@ class PulseLogs:
         self._behind = False
         self._retry_at_s = 0.0
 
-    def take(self, pulse_poses: list[PulsePose]) -> None:
+    def add(self, pulse_poses: list[PulsePose]) -> None:
         """Add pulses that were just committed, for the next `write`."""
         self._new.extend(pulse_poses)
 

@@ -141,7 +141,7 @@ def read_pulse_pose_log(
             if number == len(finished) and not rest.strip("\0"):
                 break
             damaged.add(number, error)
-    damaged.judge(len(found))
+    damaged.report(len(found))
     return tuple(found)
 
 

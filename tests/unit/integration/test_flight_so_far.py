@@ -105,7 +105,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     flight = FlightSoFar(
         directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
     )
-    assert flight.judge(weak.tag) is None  # nothing is kept yet
+    assert flight.search(weak.tag) is None  # nothing is kept yet
     found = {}
     until_s = int(len(weak.samples) / RATE_HZ)
     for from_s in range(0, until_s, 100):
@@ -118,9 +118,9 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
         log.write(*(p for p in new if p.time_ns < end_ns))
         log.commit()
         for tag in (weak.tag, other):
-            result = some(flight.judge(tag))
+            result = some(flight.search(tag))
             found[tag.tag_id] = result
-            assert flight.judge(tag) is None  # nothing new since
+            assert flight.search(tag) is None  # nothing new since
     log.close()
     mine = found[weak.tag.tag_id]
     assert mine.found
@@ -169,7 +169,7 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
     flight = FlightSoFar(
         directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
     )
-    result = some(flight.judge(weak.tag))
+    result = some(flight.search(weak.tag))
     assert result.place is not None
     reporter = FindReporter()
     assert reporter.text(replace(result, heard_alone=20)) is None
