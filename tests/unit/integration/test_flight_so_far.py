@@ -191,7 +191,7 @@ def test_the_integrator_is_a_row_for_who_keeps_channels_and_wants_it() -> None:
 
 def test_a_fault_at_one_look_is_told_and_ends_no_other(tmp_path: Path) -> None:
     class Faulty:
-        def judge(self, tag: Tag) -> None:
+        def search(self, tag: Tag) -> None:
             if tag.tag_id == 2:
                 raise ValueError("not foreseen")
 
