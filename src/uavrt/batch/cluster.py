@@ -155,7 +155,7 @@ def _scheduler_there() -> Iterator[None]:
     except (CancelledError, OSError) as error:
         raise LinkError(
             "the connection to the Dask scheduler is lost",
-            remedy="Start it again: the same command goes on from here",
+            remedy="Start it again, and repeat the command: it continues from here",
         ) from error
 
 

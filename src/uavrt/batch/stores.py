@@ -192,7 +192,7 @@ def _store_errors(url: str) -> Iterator[None]:
     except _faults() as error:
         raise StoreError(
             f"{url}: {str(error) or type(error).__name__}",
-            remedy="Check the address and the line; the same command goes on from here",
+            remedy="Check address and network, and repeat the command: it continues",
         ) from error
 
 

@@ -49,13 +49,13 @@ def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
     draw_track(chart, survey)
 
 
-def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """Draw a coverage map as in the report, with the path `way` (longitude, latitude)."""
+def coverage_png(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
+    """Draw a coverage map as in the report, with the `path` (longitude, latitude)."""
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)
         chart = _draw(figure, empty, coverage, "is heard")
-        east, north = chart.line(way)
+        east, north = chart.line(path)
         chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2)
         chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
         stream = io.BytesIO()
