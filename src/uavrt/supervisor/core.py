@@ -406,4 +406,5 @@ class Supervisor:
                 *(instance.status() for instance in instances),
             ),
             ending=mission.flights.ending,
+            faults=self._disk.faults,
         )
