@@ -30,7 +30,7 @@ COMMAND_WAITS_S = 0.2
 """Longest wait of a vehicle command behind other bytes [s]; 1152 bytes at 57 600 baud."""
 
 
-class _Way:
+class _OpenLink:
     """An open link, and the writer that numbers its frames."""
 
     def __init__(self, number: int, writer: FrameWriter) -> None:
@@ -82,7 +82,7 @@ class Connection:
             own_system_id=own_system_id,
         )
         self._ways = [
-            _Way(
+            _OpenLink(
                 number,
                 FrameWriter(
                     self.component.system_id,

@@ -282,7 +282,7 @@ class MissionDownload(MissionTransfer):
         return self._try(dialect.MissionRequestInt(**self._to(), seq=len(self.items)), now_s)
 
 
-def homed(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
+def with_home(items: Sequence[MissionItem], *, home_first: bool) -> tuple[MissionItem, ...]:
     """Insert an item for home before a mission; ArduPilot keeps its home there."""
     first = (MissionItem(command=16),) if home_first else ()
     return (*first, *items)

@@ -26,7 +26,7 @@ _FORMATS: dict[int, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ParameterChange:
     """A requested change of a parameter."""
 
     name: str
@@ -51,7 +51,7 @@ class ParameterServer:
         self._names = list(types)
         self._bytewise = bytewise
 
-    def receive(self, message: Requests) -> list[dialect.ParamValue] | Wish:
+    def receive(self, message: Requests) -> list[dialect.ParamValue] | ParameterChange:
         """Handle a request; return the answers, or the requested change.
 
         A request for an unknown name or index is not answered: one to all components may mean a
@@ -66,7 +66,7 @@ class ParameterServer:
                 return [self.value(name)] if name in self._types else []
             case dialect.ParamSet(param_id=name) if name in self._types:
                 value = decode_value(message.param_value, message.param_type, self._bytewise())
-                return [self.value(name)] if value is None else Wish(name, value)
+                return [self.value(name)] if value is None else ParameterChange(name, value)
             case _:
                 return []
 

@@ -140,7 +140,7 @@ class PacedSender:
         )
 
 
-class OnLink:
+class LinkView:
     """A shared source as one of several links sees it: only the link in use takes from it.
 
     `source`: source shared by all links. `link`: number of this link. `group`: gives the number
@@ -148,7 +148,7 @@ class OnLink:
     """
 
     def __init__(
-        self, source: Source, link: int, group: "TunnelSender", views: list["OnLink"]
+        self, source: Source, link: int, group: "TunnelSender", views: list["LinkView"]
     ) -> None:
         self._source, self._link, self._group, self._views = source, link, group, views
         self._copies: deque[Item] = deque(maxlen=COPIES)
@@ -225,9 +225,9 @@ class TunnelSender:
         if len(self._senders) == 1:
             self._senders[0].add_source(source, priority)
             return
-        views: list[OnLink] = []
+        views: list[LinkView] = []
         for number, sender in enumerate(self._senders):
-            views.append(OnLink(source, number, self, views))
+            views.append(LinkView(source, number, self, views))
             sender.add_source(views[-1], priority)
 
     def add_source_on(self, link: int, source: Source, priority: Priority) -> None:

@@ -103,7 +103,7 @@ def test_a_session_that_another_key_or_drone_made_is_not_believed() -> None:
         (told + b"\0", DRONE),
     ):
         with pytest.raises(TunnelError):
-            station.hear(payload, place)
+            station.accept_session(payload, place)
     assert not station.ready
 
 

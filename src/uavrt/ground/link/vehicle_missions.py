@@ -24,7 +24,7 @@ from uavrt.mavlink.mission_transfer import (
     MissionDownload,
     MissionTransfer,
     MissionUpload,
-    homed,
+    with_home,
 )
 from uavrt.mavlink.samples import is_place
 from uavrt.mavlink.vehicle_messages import kind_of
@@ -140,7 +140,7 @@ class VehicleMissions:
         async with self._busy:
             peer, manners = self._vehicle()
             self._check_mode(manners)
-            whole = homed(items, home_first=manners.home_in_mission)
+            whole = with_home(items, home_first=manners.home_in_mission)
             upload = MissionUpload(whole, "mission", peer, self._own)
             self._uploads = True
             try:
