@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import degrees, isfinite
 from typing import Any
 
-from uavrt.guidance.manners import AutopilotName
+from uavrt.guidance.autopilot_behaviour import AutopilotName
 from uavrt.guidance.observed import (
     BootTimeSeen,
     FailsafeSeen,
@@ -17,7 +17,7 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import (
     MavCmd,
@@ -96,7 +96,7 @@ def observations(
         case dialect.CurrentMode():
             yield ModeSeen(now_s, message.custom_mode)
         case dialect.RcChannels():
-            yield _hands(message, now_s)
+            yield _rc(message, now_s)
         case dialect.HomePosition():
             yield HomeSeen(
                 now_s, message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
@@ -151,7 +151,7 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
     )
 
 
-def _hands(message: dialect.RcChannels, now_s: float) -> SticksSeen:
+def _rc(message: dialect.RcChannels, now_s: float) -> SticksSeen:
     """All RC channels; empty without a receiver, or if it has lost the transmitter."""
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]

@@ -400,7 +400,7 @@ def test_home_among_others_is_flown_at_its_own_height(flavour: Flavour) -> None:
     frame = Frame(return_height_m=60.0)
     flown = Flown(flavour, frame=frame, limits=Limits(battery_wh=120.0, link_lost="return"))
     pilot = flown.order("goto", places=(flown.place(150.0, 0.0),), height_m=40.0)
-    pilot.among = True
+    pilot.shared = True
     flown.run(15.0)
     flown.ground_silent_s = 60.0
     flown.run(3.0)

@@ -9,7 +9,7 @@ from flown import HOME, Flown
 from uavrt.errors import CommandRefused, PlanError
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink.dialect import MavResult
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff
