@@ -68,9 +68,9 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
             if one.keep_out or (every and one.mixed)
         )
         if len(found) > MOST_KEEP_OUT:
-            raise ValueError(f"it holds {len(found)} of them, more than {MOST_KEEP_OUT}")
+            raise ValueError(f"it holds {len(found)} areas, more than {MOST_KEEP_OUT}")
         if every and not found:
-            raise ValueError("it holds none")
+            raise ValueError("it holds no area")
         return found
 
 
@@ -136,7 +136,7 @@ def check_places(places: tuple[Place, ...]) -> None:
     """Raise `ValueError` for an invalid latitude or longitude."""
     for north, east in places:
         if not (abs(north) <= 90 and abs(east) <= 180):
-            raise ValueError(f"{north:g}, {east:g} is not a place on earth")
+            raise ValueError(f"{north:g}, {east:g} is not a position on earth")
 
 
 def _kept(one: _Outline) -> KeepOut:
@@ -144,7 +144,7 @@ def _kept(one: _Outline) -> KeepOut:
     radius, name = one.radius_m, one.name[:MOST_NAME].encode("utf-8", "replace").decode()
     if radius is None:
         if len(one.corners) == 1:
-            raise ValueError(f'the point "{name}" to keep out of needs a radius_m')
+            raise ValueError(f'the excluded point "{name}" has no radius_m')
         return KeepOut(places=_checked(one.corners), name=name)
     if isinstance(radius, bool) or not 0.0 < float(radius) < 1e5:
         raise ValueError(f"the radius of {radius} m is not positive")

@@ -115,7 +115,7 @@ class Authority:
             if vehicle.sticks_reported(now_s, SAFETY.sticks_lost_s):
                 what = f"the sticks are reported too seldom: not every {SAFETY.sticks_age_s} s"
             raise CommandRefused(
-                what, remedy="Switch the remote on, or confirm that sticks are not seen"
+                what, remedy="Switch the remote control on, or confirm to fly without it"
             )
         self._end("another order was confirmed", now_s)
         self._order = OrderWatch(

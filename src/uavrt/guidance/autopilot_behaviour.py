@@ -140,6 +140,6 @@ def behaviour_of(name: str | None) -> Behaviour:
         if known == name:
             return behaviour
     raise CommandRefused(
-        "the autopilot is not known" if name is None else f"autopilot {name} is not known",
+        "autopilot unknown" if name is None else f"autopilot {name} is not known",
         remedy="Motion needs a multirotor with PX4 or ArduPilot; fly by hand",
     )

@@ -50,7 +50,7 @@ class GroundAround:
         )
         if not np.isfinite(home):
             raise PlanError(
-                "the map of heights does not know home",
+                "the elevation map does not cover home",
                 remedy="Add its tile to guidance.terrain, or take the setting out",
             )
         heights = heights_at(np.asarray(latitude), np.asarray(longitude)) - home

@@ -105,7 +105,7 @@ def survey_items(
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
             "a mission cannot contain turns",
-            remedy="Take a survey with --pattern lines or around",
+            remedy="Choose --pattern lines or around",
         )
     if order.height_m is None:
         raise PlanError("a survey as a mission needs a height", remedy="Give --height 60")

@@ -121,7 +121,7 @@ class ObservedVehicle:
     def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
         """Reason why no order can be confirmed now, with the remedy; None if one can."""
         if self.mode is None or now_s - self.mode.time_s > SAFETY.mode_age_s:
-            return "the autopilot's mode is not known", "Check the link to the autopilot"
+            return "the autopilot's mode is unknown", "Check the link to the autopilot"
         if self.heartbeat is None or now_s - self.heartbeat.time_s > SAFETY.heartbeat_lost_s:
             return "no heartbeat of the autopilot", "Check the link to the autopilot"
         if self.position is None or now_s - self.position.time_s > SAFETY.position_age_s:

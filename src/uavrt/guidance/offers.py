@@ -99,7 +99,8 @@ class Offers:
             raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
-                "this order is not on offer", remedy="Request the motion again, then confirm"
+                "this order is not the proposed one",
+                remedy="Request the motion again, then confirm",
             )
         if now_s - offer.made_s > SAFETY.offer_holds_s:
             within = f"{SAFETY.offer_holds_s:.0f} s"

@@ -108,7 +108,7 @@ class OrderWatch:
         self._check_seen(vehicle, now_s)
         mode, _, _ = vehicle.known
         if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
-            raise CommandRefused("this is not what was confirmed")
+            raise CommandRefused("another order was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
         if changes_mode and now_s - mode.time_s > SAFETY.mode_change_age_s:
             raise CommandRefused("the autopilot's mode was not reported just now")
@@ -131,7 +131,9 @@ class OrderWatch:
             and not self.offer.takeoff
             and vehicle.target_age_s(now_s) > SAFETY.target_age_s
         ):
-            raise CommandRefused(f"the target is older than {SAFETY.target_age_s} s")
+            raise CommandRefused(
+                f"the last target report is older than {SAFETY.target_age_s} s"
+            )
         if self.offer.takeoff and not vehicle.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
         if isinstance(wish, TurnInPlace) and not vehicle.heading_rests:
@@ -140,15 +142,17 @@ class OrderWatch:
     def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
         """Raise `CommandRefused` if a takeover would not have been noticed."""
         if vehicle.mode is None or now_s - vehicle.mode.time_s > SAFETY.mode_age_s:
-            raise CommandRefused("the mode is older than 1 s")
+            raise CommandRefused("the last mode report is older than 1 s")
         if vehicle.position is None or now_s - vehicle.position.time_s > SAFETY.position_age_s:
-            raise CommandRefused("the position is older than 0.5 s")
+            raise CommandRefused("the last position is older than 0.5 s")
         if vehicle.late is not None:
             raise CommandRefused(vehicle.late)
         if self.rc is None:
             return
         if not self.sticks_unseen and not vehicle.sticks_reported(now_s, SAFETY.sticks_age_s):
-            raise CommandRefused(f"the sticks are older than {SAFETY.sticks_age_s} s")
+            raise CommandRefused(
+                f"the last report of the sticks is older than {SAFETY.sticks_age_s} s"
+            )
         if self.rc.unsure:
             raise CommandRefused("a switch of the remote control was moved just now")
 

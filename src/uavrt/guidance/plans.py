@@ -131,7 +131,8 @@ def _takeoff(
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
         raise PlanError(
-            "the drone stands beyond the fence", remedy="Widen guidance.fence_m, or carry it"
+            "the drone is beyond the fence",
+            remedy="Widen guidance.fence_m, or carry the drone closer",
         )
     duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _SURE_CLIMB_M_S
     check_battery(now, limits, duration, here, height)
@@ -187,7 +188,7 @@ def _turn_steps(
             remedy=f"Give {least:.0f} to 600 s",
         )
     if now.yaw_deg is None:
-        raise PlanError("the heading is not known", remedy="Wait for the compass")
+        raise PlanError("heading unknown", remedy="Wait for the compass")
     way = 1.0 if order.clockwise else -1.0
     if not behaviour.yaw_in_reposition:
         turn = Turn(turn_deg=way * 360.0, rate_deg_s=360.0 / order.duration_s)
@@ -230,7 +231,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _MOST_ORDER_TURNS:
         raise PlanError(
-            f"{sum(counts)} places to turn at are too many",
+            f"{sum(counts)} positions to turn at are too many",
             remedy="Choose a wider distance or a smaller area",
         )
     found = []
@@ -312,7 +313,8 @@ def check_keep_out(
     reason = area.entered(x, y)
     if reason is not None:
         raise PlanError(
-            f"the path {reason}", remedy="Fly round it in several orders, or take off elsewhere"
+            f"the path {reason}",
+            remedy="Fly around it in several orders, or take off elsewhere",
         )
 
 
@@ -327,7 +329,7 @@ def map_fault(now: VehicleNow, limits: Limits) -> str | None:
     """Text on a large difference of map and autopilot at home; None if it is small."""
     ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
     apart = None if ground is None else ground.apart_m(home_amsl_m)
-    return None if apart is None else f"home is {apart:+.0f} m off the map of heights"
+    return None if apart is None else f"home is {apart:+.0f} m off the elevation map"
 
 
 def check_ground(
@@ -352,14 +354,14 @@ def check_ground(
         flown = first if number == 0 else height
         if np.isnan(beneath).any() and height < now.altitude_relative_m - SAFETY.gust_below_m:
             raise PlanError(
-                "it would descend over ground that the map does not know",
+                "the path descends where the elevation map has no ground",
                 remedy="Stay as high, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
         if flown < needed - SAFETY.gust_below_m:
             raise PlanError(
-                f"to clear the ground, the path or its return needs {needed:.0f} m above home",
+                f"to stay clear of the ground, path and return need {needed:.0f} m above home",
                 remedy="Climb first: `uavrt fly hold --height`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
@@ -427,7 +429,7 @@ def _way(
     """Steps through positions, checked against the fence and the battery, return included."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
-            f"the drone is at {now.altitude_relative_m:.0f} m, and would begin its way below "
+            f"the drone is at {now.altitude_relative_m:.0f} m, and its path would begin below "
             f"{limits.lowest_m:.0f} m",
             remedy="Climb first: `uavrt fly hold --height`",
         )
@@ -447,7 +449,7 @@ def _way(
         )
     reason = area.refusal(np.append(x, 0.0), np.append(y, 0.0), height)
     if reason is not None:
-        raise PlanError(f"the path {reason}", remedy="Choose another height or place")
+        raise PlanError(f"the path {reason}", remedy="Choose another height or position")
     check_keep_out(order, limits, plane, stations)
     check_ground(stations, now, limits, height)
     length = float(np.hypot(np.diff(x), np.diff(y)).sum())
@@ -471,17 +473,17 @@ def check_battery(
     """Raise `PlanError` if the battery's charge is unknown or does not suffice."""
     if limits.battery_wh is None:
         raise PlanError(
-            "the battery's size is not known",
+            "battery capacity unknown",
             remedy="Set guidance.battery_wh to its watt-hours",
         )
     if now.battery_percent is None:
         raise PlanError(
-            "the autopilot does not report the remaining battery",
+            "the autopilot does not report the remaining charge",
             remedy="Set up its battery monitor",
         )
     windy = too_windy(now, limits)
     if windy is not None:
-        raise PlanError(windy, remedy="Wait for less, or see to guidance.airspeed_m_s")
+        raise PlanError(windy, remedy="Wait for less wind, or check guidance.airspeed_m_s")
     climb = max(0.0, height - now.altitude_relative_m)
     energy, air = _energy(now, limits), now.wind or Wind()
     used = energy.used_wh(duration_s, limits.speed_m_s + air.speed_m_s, climb)

@@ -170,13 +170,13 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
     """Tags to search for."""
     if not listed:
         raise PlanError(
-            "no tag is being searched for", remedy="Send the tags and start detection first"
+            "the drone searches for no tag", remedy="Send the tags and start detection first"
         )
     known = {tag.tag_id: tag for tag in listed}
     unknown = sorted(set(order.tags) - set(known))
     if unknown:
         raise PlanError(
-            f"tag {unknown[0]} is not being searched for",
+            f"tag {unknown[0]} is not searched for by the drone",
             remedy=f"Choose from {', '.join(map(str, known))}",
         )
     return tuple(known[tag_id] for tag_id in (order.tags or known))

@@ -108,7 +108,9 @@ class CommandWriter:
             raise CommandRefused("the autopilot is not in its take-off mode")
         self._check_height(above_m)
         if not abs(above_m - wish.height_m) <= 1.0:
-            raise CommandRefused(f"{wish} is two heights")
+            raise CommandRefused(
+                f"the take-off has two heights: {above_m:.0f} m and {wish.height_m:.0f} m"
+            )
         if self.behaviour.own_mode_first:
             return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
         return VehicleCommand(

@@ -208,7 +208,7 @@ def pulse_from_wire(
         return None
     times_s = (message.start_time_s, message.predict_next_start_s)
     if not all(0.0 <= time_s < LATEST_S for time_s in times_s):
-        raise TunnelError("a pulse's time is not a time since 1970", message.encode())
+        raise TunnelError("a pulse has an invalid time", message.encode())
     start_ns = ns_from_s(message.start_time_s)
     if message.detection_status == STATUS_NOTHING_FOUND and isinstance(message, PulseG1):
         usable = _USABLE <= message.group_sequence <= _USABLE + 1000

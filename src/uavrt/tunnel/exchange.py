@@ -129,7 +129,7 @@ class Exchange:
     ) -> None:
         if generation == "G2" and not experimental:
             raise ConfigError(
-                "some layouts of the tunnel's generation G2 were inferred, not seen",
+                "some layouts of the tunnel's generation G2 are inferred",
                 remedy="Set mavlink.tunnel_experimental = true to use it anyway",
             )
         self._fixed: Generation | None = None if generation == "auto" else generation
@@ -243,7 +243,8 @@ class Exchange:
         try:
             if isinstance(message, g2.INFERRED) and not self._experimental:
                 raise TunnelError(
-                    "this layout was never seen: mavlink.tunnel_experimental allows it", payload
+                    "inferred layout: refused without mavlink.tunnel_experimental = true",
+                    payload,
                 )
             if self._experimental:
                 question = replace(question, spoken="G2")

@@ -177,7 +177,7 @@ class StartDetection(CommandMessage):
         fields: list[float | None] = [getattr(self, name) for name in self.__slots__]
         present = [field for field in fields if field is not None]
         if fields[: len(present)] != present:
-            raise TunnelError("START_DETECTION has a hole before its last field", b"")
+            raise TunnelError("START_DETECTION lacks a field before its last one", b"")
         layout = {2: 12, 3: 16, 5: 32, 6: 40}.get(len(present))
         if layout is None:
             raise TunnelError("START_DETECTION has a margin without a ratio", b"")

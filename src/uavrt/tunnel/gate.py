@@ -232,7 +232,7 @@ class Sealer:
     def answer(self, payload: bytes, request_ids: Iterable[int]) -> bytes:
         """Check the proof of an answer to a sealed order; raises `TunnelError`."""
         if self._session is None:
-            raise TunnelError("an answer before the drone's session is known", payload)
+            raise TunnelError("an answer came before the drone's session was known", payload)
         return proven_answer(payload, self._key, self._session, self._own, request_ids)
 
     @staticmethod
@@ -254,7 +254,7 @@ class Sealer:
             )
         if self._session is None:
             raise LinkError(
-                "the drone has not announced what to seal commands for",
+                "the drone has announced no session for sealed commands",
                 remedy="Check that it has mavlink.key_file with the same key",
             )
         return seal(inside, kind, self._key, self._own, self._next_counter(), self._session)

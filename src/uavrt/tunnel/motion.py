@@ -107,8 +107,8 @@ def encode_request(request: MotionRequest) -> bytes:
     height_m = request.height_m or 0.0
     if not all(abs(one) < _MOST for one in (height_m, request.duration_s, width_m)):  # also NaN
         raise UsageError(
-            "a height, duration or distance is not finite, or too large",
-            remedy="Give metres and seconds",
+            "a height, duration or distance is too large or no number",
+            remedy="Give smaller numbers, in metres and seconds",
         )
     payload = _ASK.pack(
         request,
@@ -140,7 +140,7 @@ def encode_request(request: MotionRequest) -> bytes:
             )
     except (struct.error, ValueError, OverflowError) as error:  # also what is no number
         raise UsageError(
-            "the corners are too far apart, or no places",
+            "the corners are too far apart, or no positions",
             remedy="Draw an area of less than 4 km, in degrees: latitude, longitude",
         ) from error
     return payload

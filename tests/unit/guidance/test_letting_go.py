@@ -82,7 +82,10 @@ def at_rest(flavour: Flavour) -> Flown:
 @pytest.mark.parametrize(
     ("begin", "objection", "said"),
     [
-        *((Flown, one, "not on offer") for one in (stop, disarm, move_home, lose_position)),
+        *(
+            (Flown, one, "not the proposed one")
+            for one in (stop, disarm, move_home, lose_position)
+        ),
         (Flown, fly_and_return_the_mode, "the mode has changed"),
         (Flown, change_mode, "the mode has changed to R"),
         (at_rest, give_target, "another has given a target"),
@@ -275,7 +278,7 @@ def test_no_command_leaves_on_a_target_that_is_not_told_any_more() -> None:
     flown.run(4.0)
     flown.target_told = False
     flown.run(0.4)
-    with pytest.raises(CommandRefused, match=r"target is older than 0\.3 s"):
+    with pytest.raises(CommandRefused, match=r"target report is older than 0\.3 s"):
         flown.authority.command(pilot.order.order_id, wish(flown), flown.time_s)
 
 

@@ -163,7 +163,7 @@ def test_silence_counts_only_while_a_detector_listens() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"tags": (9,)}, "tag 9 is not being searched for"),
+        ({"tags": (9,)}, "tag 9 is not searched for by the drone"),
         ({"radius_m": None}, "no area"),
         ({"radius_m": 900.0}, "beyond the fence"),
         ({"wish_m": 0.0}, "the accuracy of 0 m"),
@@ -184,7 +184,7 @@ def test_without_tags_or_battery_it_is_refused() -> None:
     with pytest.raises(PlanError, match="no tag"):
         search.seeker_of(search.order())
     search = Searched("px4", [Animal(50.0, 0.0)], limits=Limits())
-    with pytest.raises(PlanError, match="battery's size"):
+    with pytest.raises(PlanError, match="battery capacity"):
         search.seeker_of(search.order())
 
 
