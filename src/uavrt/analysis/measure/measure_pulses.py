@@ -47,8 +47,8 @@ def measure_pulses(
 ) -> MeasuredTag:
     """Measure frequency, width and intervals of a tag, with uncertainties.
 
-    `windows` are in order of time, at least `INTERVALS.fewest_pulses`; `beats` are the pulse series found
-    in the first pass. `frequency_hz` is the reference of the windows' offsets.
+    `windows` are in order of time, at least `INTERVALS.fewest_pulses`; `beats` are the pulse
+    series of the first pass. `frequency_hz` is the reference of the windows' offsets.
     """
     fits = [
         fit_pulse(
