@@ -22,8 +22,7 @@ LEAD_IN_S, SHORT_CELL_S = 120.0, 900.0
 INTERVAL_S = 1.2
 WRITING_S, TASK_S = 16e-6, 1e-3
 """Time to join and write one pulse, and of Dask's scheduler for one task [s]; measured
-separately.
-"""
+separately."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,7 @@ PX4_PARAMETERS = {
     "SDLOG_MODE": -1,
 }
 """PX4's parameters for the simulation; without them, SIH's battery is half empty after a
-minute.
-"""
+minute."""
 ARDUCOPTER_PARAMETERS: dict[str, float] = {
     "DISARM_DELAY": 30,
     "SIM_BATT_CAP_AH": 0,

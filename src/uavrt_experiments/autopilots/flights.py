@@ -29,8 +29,7 @@ from uavrt_experiments.kept import KeptOutcomes
 
 WELL = ("done", "returning: the autopilot flies home")
 """Texts with which an order ends as planned, without a takeover; a note on a late link may
-follow.
-"""
+follow."""
 ORDERS = ("takeoff", "survey", "goto", "rotate", "hold", "search", "return")
 TAKEN = ("survey", "rotate", "goto")
 """Orders during which takeovers are flown."""
@@ -43,8 +42,7 @@ ASKS_S = 45.0
 """Longest wait for the drone to propose an order [s]; it needs a position and a home first."""
 UNDER_WAY_S, TAKEN_AFTER_S, MOVES_M_S = 60.0, (1.5, 10.0), 1.0
 """Longest wait for an order to begin [s]; range of the random time from there to its takeover
-[s]; least speed at a takeover that only the stop reveals [m/s].
-"""
+[s]; least speed at a takeover that only the stop reveals [m/s]."""
 TRIES = 4
 """Attempts at a takeover when the order ends by itself before it, each at a later start."""
 

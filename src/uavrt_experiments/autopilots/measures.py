@@ -19,8 +19,7 @@ LONG_M = 8.0
 ARRIVED_M, NEAR_M, SETTLED_M = 1.5, 3.0, 0.5
 NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
 """Change of distance [m], height [m] and heading [deg] after which a command counts as begun,
-as in `uavrt.guidance.progress`.
-"""
+as in `uavrt.guidance.progress`."""
 HIGH_M, LOOKS_DEG = 2.0, 8.0
 """Least error in height [m] and heading [deg] at the command for that change to count."""
 TURN_DEG = 60.0
@@ -227,8 +226,7 @@ class Reaction:
     """Time from the takeover to the message that reveals it [s]; None: no message does."""
     last_command_s: float | None
     """Time from that message, or from the order's end, to the last command [s]; negative: the
-    command came before it.
-    """
+    command came before it."""
     commands_after: int
     """Number of commands after that message, or after the order's end if that came first."""
     crossed: int

@@ -32,8 +32,7 @@ from uavrt_experiments.autopilots.tap import Tap
 
 SAMPLE_RATE_HZ = 375_000.0
 """Sample rate of the simulated radio [Hz]; detectors get the same pulses as at 3 MS/s, for an
-eighth of the work.
-"""
+eighth of the work."""
 START_LEAD_S = 1.0
 READY_S = 60.0
 PATH_S = 0.04

@@ -12,8 +12,7 @@ from uavrt_experiments.tables import markdown, number
 
 RELAY_LATE_S = 0.5
 """Delay in the rehearsal's own relay beyond which it may have ended the order itself [s]; the
-drone allows the autopilot's target report to be missing for 1 s.
-"""
+drone allows the autopilot's target report to be missing for 1 s."""
 OUT_WITHIN_S = 4.0
 """Longest allowed time to the order's end after a takeover that no message reveals [s]."""
 SHARE = 0.20

@@ -32,8 +32,7 @@ class Takeover:
     act: Callable[[Scene], None]
     shows: Callable[[Hand], Shows] | None = None
     """Makes, before the takeover, a test that recognises the revealing message; None: no
-    message reveals it, and uavrt must notice by itself.
-    """
+    message reveals it, and uavrt must notice by itself."""
     flavours: tuple[Flavour, ...] = BOTH
     stops: bool = False
     """True if only the drone's stop reveals it; the order must end within 4 s of the stop."""

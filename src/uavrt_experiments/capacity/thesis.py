@@ -14,7 +14,6 @@ RECEIVED: dict[int, tuple[int, ...]] = {
 TOLERANCE = 0.07
 """Largest difference of the simulated autopilot from the thesis, as a share of the packets
 sent, plus 4 packets (the ring's size). 100 packets at 3 ms, 99 received, is left out: it does
-not agree with the thesis's other series (0.77 of 1000 and of 1500).
-"""
+not agree with the thesis's other series (0.77 of 1000 and of 1500)."""
 FEW = 4
 ODD = frozenset({(100, 3)})
