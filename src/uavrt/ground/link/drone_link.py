@@ -157,7 +157,7 @@ class GroundLink:
                 if receipt is not None:
                     self._links.answer(receipt)
                 links = self._links.alive() or self._links.best()
-                for message in self.protocol.signs_of_life(len(links), now_ns):
+                for message in self.protocol.keepalives(len(links), now_ns):
                     self._links.send(message, links[turn % len(links)])
                     turn += 1
                 await asyncio.sleep(RECEIPT_POLL_S)

@@ -146,7 +146,7 @@ def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
     from uavrt.analysis import coverage
 
     plane, corners = (
-        coverage.corners_of_way(request.places)
+        coverage.corners_of_path(request.places)
         if request.spacing_m is None
         else coverage.corners_over_area(request.places, request.spacing_m, most=_MOST_LINES)
     )
