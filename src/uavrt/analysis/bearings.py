@@ -11,7 +11,6 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.localization.bearing.estimate import ADDED_METHODS
 from uavrt.localization.flight_estimates import (
-    LEAST_TURNS,
     HeardInTurn,
     ReadAs,
     TagBearing,
@@ -22,6 +21,7 @@ from uavrt.localization.flight_estimates import (
 )
 from uavrt.localization.heard import Heard
 from uavrt.localization.results import BearingMethod
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import PulsePose
 from uavrt.recording.flight_order import flights_in_order, flown_before, flown_name
 from uavrt.recording.flight_reader import Flight, read_flight
@@ -209,7 +209,7 @@ def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     """Sentence on how many turns and flights a pattern was learnt from; None for one flight."""
     turns = teaching(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
-    if used < 2 or len(turns) < LEAST_TURNS:
+    if used < 2 or len(turns) < FLIGHT.least_turns:
         return None
     return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
 
@@ -231,9 +231,9 @@ def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) ->
     Raises `UsageError` for fewer than three turns in which a tag was received.
     """
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
-    if len(turns) < LEAST_TURNS:
+    if len(turns) < FLIGHT.least_turns:
         raise UsageError(
             f"{len(turns)} turns past a tag are too few to learn a pattern",
-            remedy=f"Turn in place {LEAST_TURNS} times or more, or hear more tags",
+            remedy=f"Turn in place {FLIGHT.least_turns} times or more, or hear more tags",
         )
     return antenna_as_shown(turns, antenna)

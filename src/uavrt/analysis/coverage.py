@@ -12,7 +12,7 @@ from uavrt.config.text_files import read_text
 from uavrt.errors import UsageError
 from uavrt.foreign import SHAPES
 from uavrt.guidance.area_text import area_in
-from uavrt.guidance.way_text import way_in
+from uavrt.guidance.path_text import path_in
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.messages import Tag
 from uavrt.planning.area import Polygon, survey_lines
@@ -54,7 +54,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
     if the file holds neither, and `PlanError` if the area cannot be surveyed.
     """
     text = read_text(path, SHAPES)
-    places = way_in(text, str(path))
+    places = path_in(text, str(path))
     if places:
         return corners_of_path(places)
     return corners_over_area(area_in(text, str(path)), spacing_m)

@@ -11,8 +11,7 @@ from itertools import count, pairwise
 
 import numpy as np
 
-from uavrt.localization.flight_estimates import OTHER_TAG_HZ
-from uavrt.localization.heard import LEAST_TAG_HZ
+from uavrt.localization.tuning import FLIGHT
 from uavrt.messages import PulsePose, Tag
 from uavrt.recording.formats.log import NUMBERED_BY_FREQUENCY, PulseLog
 
@@ -94,7 +93,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
         frequencies.setdefault(one.pulse.tag_id, []).append(one.pulse.frequency_hz)
     found = []
     for tag_id, every in sorted(frequencies.items()):
-        known = [one for one in every if math.isfinite(one) and one >= LEAST_TAG_HZ]
+        known = [one for one in every if math.isfinite(one) and one >= FLIGHT.least_tag_hz]
         median_hz = float(np.median(known)) if known else math.nan
         named = log.kind not in NUMBERED_BY_FREQUENCY
         found.append(_Heard(log=number, tag_id=tag_id, frequency_hz=median_hz, named=named))
@@ -112,7 +111,7 @@ def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
         )
         parts = [known[:1]] if known else [[]]
         for before, one in pairwise(known):
-            if one.frequency_hz - before.frequency_hz > OTHER_TAG_HZ:
+            if one.frequency_hz - before.frequency_hz > FLIGHT.other_tag_hz:
                 parts.append([])
             parts[-1].append(one)
         parts[0] += [one for one in own if not math.isfinite(one.frequency_hz)]

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.beeps.interval_fit import Beat, fit_beat
-from uavrt.detection.beeps.trains import BURST_S, FEWEST_BURSTS, split_bursts
+from uavrt.detection.beeps.trains import split_bursts
+from uavrt.detection.beeps.tuning import TRAINS
 from uavrt.detection.coded.cells import Cells
 from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import ChannelBlock, Tag
@@ -79,7 +80,7 @@ def find_codes(
         same = [one for one in same if np.abs(np.diff(one) - first).sum() <= GAP_TOLERANCE_S]
         alike = {id(one) for one in same}
         left = [one for one in left if id(one) not in alike]
-        if len(same) >= FEWEST_BURSTS:
+        if len(same) >= TRAINS.fewest_bursts:
             middles_s = np.array(same)
             lengths_s = widths_s[np.searchsorted(times_s, middles_s)]
             if (code := _code(middles_s, lengths_s, frequency_hz)) is not None:
@@ -118,12 +119,12 @@ def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
     """
     shortest_s = float(np.diff(starts_s).min())
     for part in range(1, _MOST_LOST + 1):
-        if shortest_s / part < BURST_S:
+        if shortest_s / part < TRAINS.burst_gap_s:
             break
         beat = fit_beat(starts_s, shortest_s / part)
         off_s = np.abs(beat.residuals_s)
         kept = off_s <= max(3.0 * float(np.median(off_s)), _OFF_BEAT_S)
-        if kept.sum() >= max(FEWEST_BURSTS, 0.75 * len(starts_s)):
+        if kept.sum() >= max(TRAINS.fewest_bursts, 0.75 * len(starts_s)):
             beat = fit_beat(starts_s[kept], beat.interval_s)
             if beat.scatter_s <= _OFF_BEAT_S:
                 return beat

@@ -15,8 +15,9 @@ from uavrt.analysis.measure.pulse_fit import (
     without_carriers,
     without_impulses,
 )
-from uavrt.detection.beeps.beats import FEWEST, FoundBeat
+from uavrt.detection.beeps.beats import FoundBeat
 from uavrt.detection.beeps.interval_fit import fit_beat
+from uavrt.detection.beeps.tuning import INTERVALS
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004
@@ -46,8 +47,8 @@ def measure_pulses(
 ) -> MeasuredTag:
     """Measure frequency, width and intervals of a tag, with uncertainties.
 
-    `windows` are in order of time, at least `beats.FEWEST`; `beats` are the pulse series found
-    in the first pass. `frequency_hz` is the reference of the windows' offsets.
+    `windows` are in order of time, at least `INTERVALS.fewest_pulses`; `beats` are the pulse
+    series of the first pass. `frequency_hz` is the reference of the windows' offsets.
     """
     fits = [
         fit_pulse(
@@ -96,7 +97,7 @@ def _rates(
     for beat in sorted(beats, key=lambda one: int(one.members[0])):
         chosen = [numbers[int(k)] for k in beat.members if int(k) in numbers]
         times_s = np.sort(at_s[[k for k in chosen if good[k]]])
-        if times_s.size < FEWEST - 1:
+        if times_s.size < INTERVALS.fewest_pulses - 1:
             continue
         interval_s = beat.beat.interval_s
         joined = None

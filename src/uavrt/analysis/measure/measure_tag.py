@@ -23,9 +23,9 @@ from uavrt.analysis.measure.coded_bursts import (
 from uavrt.analysis.measure.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measure.measured_tag import MeasuredTag
 from uavrt.config.ghost_places import Receiver
-from uavrt.detection.beeps.beats import FEWEST
 from uavrt.detection.beeps.points import Points, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.detection.beeps.tuning import INTERVALS
 from uavrt.dsp.block_times import BlockTimes
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.plan import ONE_CHANNEL_RATE_HZ, usable_half_span_hz
@@ -194,7 +194,7 @@ def _in_bursts(tag: MeasuredTag, codes: Sequence[MeasuredCode]) -> bool:
 def _measured(
     train: Train, windows: Sequence[PulseWindow], center_hz: float
 ) -> MeasuredTag | str:
-    if len(windows) < FEWEST:
+    if len(windows) < INTERVALS.fewest_pulses:
         return "its pulses are cut off by gaps or by the recording's ends"
     tag = measure_pulses(train.beats, windows, center_hz + train.frequency_hz)
     if tag.pulse_width_s <= LONGEST_PULSE_S:
