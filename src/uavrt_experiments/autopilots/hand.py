@@ -12,7 +12,7 @@ from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m, moved
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavModeFlag
 from uavrt.mavlink.discovery import station_heartbeat

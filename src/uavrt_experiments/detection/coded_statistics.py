@@ -13,17 +13,10 @@ from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.evidence import evidence, evidence_of_sums, required_evidence
-from uavrt.detection.coded.identity import STEPS, Sighting, Sightings
-from uavrt.detection.coded.judging import (
-    ASIDE_NOISE_S,
-    ASIDE_S,
-    LEAST_EVIDENCE,
-    could_be,
-    least_pulses,
-    scores_of,
-)
-from uavrt.detection.coded.limits import FALSE_PER_HOUR, amplitude_limit, sum_limit
-from uavrt.detection.coded.sums import STRETCHES
+from uavrt.detection.coded.identity import Sighting, Sightings
+from uavrt.detection.coded.judging import could_be, least_pulses, scores_of
+from uavrt.detection.coded.limits import amplitude_limit, sum_limit
+from uavrt.detection.coded.tuning import IDENTITY, LIKELIHOOD, LIMITS, SHAPE, SUMS
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
@@ -168,7 +161,11 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
     stretch_s = GAP_TOLERANCE_S * places_s / places_s[-1]
     limits = {
         count: sum_limit(
-            tag, bandwidth_hz=_WINDOW_HZ, bursts=1, pulses=count, false_per_hour=FALSE_PER_HOUR
+            tag,
+            bandwidth_hz=_WINDOW_HZ,
+            bursts=1,
+            pulses=count,
+            false_per_hour=LIMITS.false_per_hour,
         )
         for count in range(least_pulses(len(places_s)), len(places_s) + 1)
     }
@@ -194,7 +191,7 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
     judged = evidence(
         energies, np.ones(energies.shape, np.bool_), foreign_per_hour=foreign_per_hour
     )
-    taken = straight & (judged.over_unlisted >= LEAST_EVIDENCE)
+    taken = straight & (judged.over_unlisted >= LIKELIHOOD.least_log)
     taken &= scores_of(energies, judged.own, limits) >= 1.0
     order = np.flatnonzero(taken)[begin_s[taken].argsort()]
     return _Found(
@@ -244,7 +241,7 @@ def _searched(
     """
     best = np.zeros(levels.shape)
     straight = np.zeros(len(levels), np.bool_)
-    for part in STRETCHES:
+    for part in SUMS.stretches:
         for shift_s in _SHIFTS_S:
             moved_s = shift_s + part * stretch_s
             off_s = away_s - moved_s
@@ -256,18 +253,18 @@ def _searched(
             best[better] = energies[better]
             sent = (heard > 1.0)[better]
             usual_s = (off_s[better] * sent).sum(axis=1) / np.maximum(sent.sum(axis=1), 1)
-            allowed_s = ASIDE_S + ASIDE_NOISE_S / np.maximum(levels[better], 1.0)
+            allowed_s = SHAPE.aside_s + SHAPE.aside_noise_s / np.maximum(levels[better], 1.0)
             aside = sent & (np.abs(off_s[better] - usual_s[:, None]) > allowed_s)
             straight[better] = ~aside.any(axis=1)
     return best, straight
 
 
 def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
-    """True if the detector would confirm a tag by these bursts."""
-    required = required_evidence(foreign_per_hour, FALSE_PER_HOUR)
+    """True if the detector would confirm a tag by such bursts."""
+    required = required_evidence(foreign_per_hour, LIMITS.false_per_hour)
     open_ = found.unlisted >= required
     # Only bursts that others lie in step with can be confirmed by these.
-    for step in range(1, STEPS + 1):
+    for step in range(1, IDENTITY.steps + 1):
         window_s = 1e-3 + step * tag.interval_uncertainty_s
         wanted_s = found.times_s + step * tag.pulse_intervals_s[0]
         low = np.searchsorted(found.times_s, wanted_s - window_s)
@@ -318,10 +315,10 @@ def _summed(
         bandwidth_hz=_WINDOW_HZ,
         bursts=bursts,
         pulses=bursts * len(places_s),
-        false_per_hour=FALSE_PER_HOUR,
+        false_per_hour=LIMITS.false_per_hour,
     )
     in_step = 2.0 * (tag.interval_uncertainty_s + 1e-3) / tag.pulse_intervals_s[0]
-    required = required_evidence(foreign_per_hour, FALSE_PER_HOUR)
+    required = required_evidence(foreign_per_hour, LIMITS.false_per_hour)
     for aligned in range(len(places_s)):
         for sent in range(len(sent_s)):
             away_s = np.abs(

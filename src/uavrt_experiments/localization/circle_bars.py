@@ -10,16 +10,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.localization.position.common_errors import (
-    WALKING_M_S,
-    WALKING_SHARE,
-    WRONG_COMPASS_DEG,
-    WRONG_COMPASS_SHARE,
-)
-from uavrt.localization.position.estimate import HEADING_SIGMA_DEG, estimate_position
+from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
-from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.results import Position
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
@@ -120,12 +114,12 @@ def by_bearings(rng: Generator, case: Bearings) -> tuple[bool, bool]:
     east, north = _stations(rng, case)
     hops_s = np.hypot(np.diff(east), np.diff(north)) / 8.0
     time_s = np.concatenate([[0.0], np.cumsum(hops_s + 60.0)])
-    turned = rng.normal(0.0, HEADING_SIGMA_DEG) if case.headings else 0.0
+    turned = rng.normal(0.0, COMMON.heading_sigma_deg) if case.headings else 0.0
     start, velocity = rng.normal(0.0, 50.0, 2), np.zeros(2)
-    if case.unusual and rng.random() < WALKING_SHARE:
-        velocity = rng.normal(0.0, WALKING_M_S, 2)
-    elif case.unusual and rng.random() < WRONG_COMPASS_SHARE:
-        turned = rng.normal(0.0, WRONG_COMPASS_DEG)
+    if case.unusual and rng.random() < COMMON.walking_share:
+        velocity = rng.normal(0.0, COMMON.walking_m_s, 2)
+    elif case.unusual and rng.random() < COMMON.wrong_compass_share:
+        turned = rng.normal(0.0, COMMON.wrong_compass_deg)
     places = start + velocity * time_s[:, None]
     bearing = np.degrees(np.arctan2(places[:, 0] - east, places[:, 1] - north)) + turned
     bearing += rng.normal(0.0, _OWN_DEG, len(east))
@@ -139,7 +133,7 @@ def by_bearings(rng: Generator, case: Bearings) -> tuple[bool, bool]:
         sigma_deg=np.full(len(east), _OWN_DEG),
         time_s=time_s,
     )
-    heading_sigma_deg = 0.0 if case.known else HEADING_SIGMA_DEG
+    heading_sigma_deg = 0.0 if case.known else COMMON.heading_sigma_deg
     found = estimate_position(stations, heading_sigma_deg=heading_sigma_deg)
     return _within(found, places[-1])
 
@@ -163,7 +157,7 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
     found = estimate_position(
         None,
         strengths_heard(rng, track, case),
-        height_sigma_m=0.0 if case.known else HEIGHT_SIGMA_M,
+        height_sigma_m=0.0 if case.known else SURVEY.height_sigma_m,
     )
     return _within(found, tag)
 
@@ -171,7 +165,7 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
 def height_error_m(rng: Generator) -> float:
     """Draw a usual error of the height [m], or in one of ten cases four times as much."""
     while True:
-        sigma = HEIGHT_SIGMA_M * (4.0 if rng.random() < 0.1 else 1.0)
+        sigma = SURVEY.height_sigma_m * (4.0 if rng.random() < 0.1 else 1.0)
         error = float(rng.normal(0.0, sigma))
         if error < _HEIGHT_M - 3.0:
             return error

@@ -8,14 +8,9 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.bearing.estimate import estimate_bearing
-from uavrt.localization.position.common_errors import (
-    WALKING_M_S,
-    WALKING_SHARE,
-    WRONG_COMPASS_DEG,
-    WRONG_COMPASS_SHARE,
-)
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.tuning import COMMON
 from uavrt.localization.results import Bearing, Position
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
@@ -103,10 +98,10 @@ def flight(rng: Generator, errors: Errors) -> Flight:
     compass = rng.normal(0.0, 1.5) if errors.compass_deg is None else errors.compass_deg
     start, towards = rng.normal(0.0, 50.0, 2), rng.uniform(0.0, 2.0 * np.pi)
     velocity = errors.walk_m_s * np.array([np.sin(towards), np.cos(towards)])
-    if errors.drawn and rng.random() < WALKING_SHARE:
-        velocity = rng.normal(0.0, WALKING_M_S, 2)
-    elif errors.drawn and rng.random() < WRONG_COMPASS_SHARE:
-        compass = rng.normal(0.0, WRONG_COMPASS_DEG)
+    if errors.drawn and rng.random() < COMMON.walking_share:
+        velocity = rng.normal(0.0, COMMON.walking_m_s, 2)
+    elif errors.drawn and rng.random() < COMMON.wrong_compass_share:
+        compass = rng.normal(0.0, COMMON.wrong_compass_deg)
     bearings = []
     for x, y, when in zip(east, north, time_s, strict=True):
         place = start + velocity * when

@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.survey_errors import FOREIGN_SHARE
+from uavrt.localization.position.tuning import SURVEY
 from uavrt.localization.results import Position
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
@@ -67,7 +67,7 @@ def flown(rng: Generator, case: Case) -> tuple[Position, bool]:
         exponent=exponent,
     )
     if case.drawn:
-        foreign = rng.random(len(track.snr_db)) < FOREIGN_SHARE
+        foreign = rng.random(len(track.snr_db)) < SURVEY.foreign_share
         middle_db = float(np.median(track.snr_db))
         anything = middle_db + rng.uniform(-0.5, 0.5, len(foreign)) * _ANY_DB
         track = replace(track, snr_db=np.where(foreign, anything, track.snr_db))

@@ -15,14 +15,14 @@ import numpy as np
 
 from uavrt.attitude import from_euler_deg
 from uavrt.ground.link.given_ways import GivenWays
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.autopilot_behaviour import BEHAVIOURS
 from uavrt.guidance.neighbours import SEPARATION
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.search_task import Equipment
 from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.guidance.shared_search import SharedSearch
-from uavrt.guidance.wishes import VehicleCommand
+from uavrt.guidance.vehicle_commands import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import (
@@ -276,8 +276,8 @@ class Drone:
         assert now is not None
         self.shared.begin(now.time_s)
         self.shared.check(now, order.height_m or now.altitude_relative_m)
-        manners = MANNERS[self.aircraft.vehicle.flavour]
-        seeker = Seeker(order, self._tags, now, self._limits, manners, self._equipment)
+        behaviour = BEHAVIOURS[self.aircraft.vehicle.flavour]
+        seeker = Seeker(order, self._tags, now, self._limits, behaviour, self._equipment)
         self.aircraft.confirm(order)
         self._pilot = Pilot(order, seeker.plan, self._limits, waits=True)
         self.aircraft.pilot = self._pilot
@@ -316,12 +316,12 @@ class Drone:
         now, thinker, pilot = self.aircraft.now(), self._thinker, self._pilot
         if now is None or thinker is None or pilot is None:
             return
-        pilot.among = self.shared.has_others(now.time_s)
+        pilot.shared = self.shared.has_others(now.time_s)
         thinker.place(self.time_ns, now)
         if self.shared.waits:
             self._await_way(thinker, now)
         elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
-            others, began = self.shared.thinks(now.time_s), time.process_time()
+            others, began = self.shared.begin_decision(now.time_s), time.process_time()
             thinker.ask(self.time_ns, now, idle=pilot.idle, others=others)
             self.decision_s.append(time.process_time() - began)
             self._take_thoughts(now)
@@ -363,7 +363,7 @@ class Drone:
     def send_course(self, ways: GivenWays) -> bool:
         """Send the drone's course to the station when due; True if others need it now."""
         now, shared = self.aircraft.now(), self.shared
-        if now is None or not shared.speaks(now.time_s):
+        if now is None or not shared.must_report(now.time_s):
             return False
         every_s = ASKING_S if shared.waits else COURSE_S
         if now.time_s - self._course_s < every_s:
