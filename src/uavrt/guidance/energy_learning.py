@@ -8,10 +8,7 @@ from uavrt.planning.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """Prior estimate of the power of flight.
-
-    `hover_w`: hover power in the settings [W]; None: unknown.
-    """
+    """Prior estimate of the power of flight; `hover_w`: hover power [W]; None: unknown."""
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
     return EnergyModel(

@@ -113,10 +113,7 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 
 
 class PulseDatagramSender:
-    """Sends pulse records and heartbeats by UDP; never waits.
-
-    `tag_ids`: tags with heartbeats. Raises `LinkError`: the host name is unknown.
-    """
+    """Sends pulse records and heartbeats by UDP; `LinkError` for an unknown host."""
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:
         with os_errors_as(LinkError, f"no address {host}", "Check the name"):

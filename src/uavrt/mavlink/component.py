@@ -298,10 +298,7 @@ class Component:
             self._handlers.radio_status(message)
 
     def _may_answer(self, peer: Peer, now_ns: int) -> bool:
-        """True if an answer may be sent at once, ahead of the queue.
-
-        Always to the autopilot; to others at a limited rate, so that no pulse is delayed.
-        """
+        """True if an answer may leave ahead of the queue; limited, except to the autopilot."""
         if peer == self.discovery.autopilot or self._answers.take(now_ns):
             return True
         self.counters["questions_passed_over"] += 1

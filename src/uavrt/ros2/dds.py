@@ -75,8 +75,7 @@ SAMPLE_MB = 4
 """Longest message that DDS assembles [MB], a multiple of any topic's. It drops each part of a
 longer one as it comes and writes a warning."""
 READER_DEPTH = 4000
-"""Most messages of a topic that wait in its reader: 0.4 s at 10 000 a second. Newer ones
-replace the oldest."""
+"""Most messages of a topic that wait in its reader; 0.4 s at 10 000 a second."""
 PASSES = 3
 """Most passes over all readers in one round, while messages wait for the next pass."""
 ANNOUNCED_LIMIT = 2000
