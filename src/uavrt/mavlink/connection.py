@@ -153,7 +153,7 @@ class Connection:
         return self._ways[AUTOPILOT_LINK].link
 
     @property
-    def heard_on(self) -> int:
+    def receiving_link(self) -> int:
         """Number of the link that delivered the frame in progress."""
         return self._receiving or AUTOPILOT_LINK
 
@@ -236,7 +236,7 @@ class Connection:
                 # Forwarded by a ground station: late, and so is its clock.
                 self.component.counters["autopilot_elsewhere"] += 1
                 return
-            self._routes.heard(Peer(frame.system_id, frame.component_id), number, now_ns)
+            self._routes.received(Peer(frame.system_id, frame.component_id), number, now_ns)
         self._receiving = number
         try:
             self.component.receive(frame, now_ns, number)

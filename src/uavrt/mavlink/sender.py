@@ -177,7 +177,7 @@ class LinkView:
         return None
 
     def leave(self, given: Item) -> None:
-        """Add a copy that another link left; drop the oldest if too many wait."""
+        """Queue a copy of another link's message; drop the oldest if too many wait."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
