@@ -16,7 +16,7 @@ from uavrt.processes.named_values import NamedValues
 from uavrt.processes.pose_desk import PoseDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.recording.disk_thread import DiskThread
-from uavrt.recording.heard import heard_tags
+from uavrt.recording.spool import heard_tags
 from uavrt.tunnel.delivery import PulseDelivery
 from uavrt.tunnel.exchange import Exchange
 
