@@ -124,7 +124,7 @@ class FrameParser:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add bytes as they come; return the frames they complete."""
+        """Add received bytes; return the frames that they complete."""
         buffer = self._buffer + data if self._buffer else bytes(data)
         frames: list[Frame] = []
         place, size = 0, len(buffer)
