@@ -69,7 +69,7 @@ async def test_a_command_is_answered_by_the_link_that_it_came_by(two_link_bay: B
         await until(lambda: bay.process._link.tunnel.link == 1)
         before = bay.autopilot.counters()["forwarded_to_ground"]
         await by_wifi.stop_detection()
-        by_radio = by_wifi._ways
+        by_radio = by_wifi._links
         by_radio.best = lambda: [1, 0]  # as if Wi-Fi were silent
         await by_wifi.stop_detection()
         await until(lambda: len(bay.commands) == 2)
