@@ -20,8 +20,7 @@ from uavrt.planning.situation import Decision
 from uavrt.planning.vehicle import VehicleState
 
 RADIUS50_OF_95 = 0.481
-"""Ratio of the 50 % to the 95 % radius of a circular normal distribution: sqrt(ln 2 / ln
-20)."""
+"""Ratio of 50 % to 95 % radius of a circular normal distribution: sqrt(ln 2 / ln 20)."""
 ROUNDED_M = 0.5
 """Rounding error of a radius in a message."""
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
