@@ -56,8 +56,7 @@ def likeliest(
     """Decide which of several tags sent a burst, by their intervals.
 
     `others_s`: times of the other bursts that each tag may have sent. `heard_s`: start and end
-    of the searched time. Returns indices of the tags, the likeliest first; more than one if
-    undecided.
+    of the searched time. Returns indices of possible tags, the likeliest first.
     """
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):
@@ -121,7 +120,7 @@ class Sightings:
         self._waiting: list[Sighting] = []
         self._begun_ns = 0
 
-    def name(
+    def identify(
         self, new: Sequence[Sighting], now_ns: int, *, last: bool
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
         """Add new bursts; return those to be reported, with their senders.

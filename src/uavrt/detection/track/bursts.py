@@ -16,14 +16,13 @@ from uavrt.detection.search.grid import ROWS_PER_BIN, Grid
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.search.thresholds import effective_hypotheses
 from uavrt.detection.search.tuning import GROUPS, THRESHOLDS
-from uavrt.detection.track.chance import QUIET, OnAir
+from uavrt.detection.track.chance import QUIET, BurstRates
 from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.tuning import BURSTS
 
 Known = tuple[float, float, float]
 """A known pulse: index of its first sample, offset [Hz] and power."""
 _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
-"""Times [s], rows and powers of strong cells."""
 
 
 class Bursts:
@@ -62,7 +61,7 @@ class Bursts:
             for own in self._pending:
                 del own[: -BURSTS.most_pending]
 
-    def look(
+    def update(
         self,
         fresh: tuple[Sequence[int], Sequence[int], Sequence[float]],
         noise: NDArray[np.float32],
@@ -75,7 +74,7 @@ class Bursts:
 
         `fresh`: columns, rows and powers of the search's open anchors. `now_column`,
         `begin_column`: last searched column, and the stream's first. `known`: pulses of
-        confirmed tags, which are not bursts.
+        confirmed tags.
         """
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
@@ -105,7 +104,7 @@ class Bursts:
             held = time_s, row, power
         self._kept = held
 
-    def around(self, track: Track, found: Measured) -> OnAir:
+    def around(self, track: Track, found: Measured) -> BurstRates:
         """Rates of bursts around an expected pulse of a track.
 
         `found`: the strongest signal at that place. The track's own pulses are excluded.
@@ -147,7 +146,7 @@ class Bursts:
         mine = time_s[own & alike]
         paired = self._paired(mine, track.interval_s, chance)
         heard_s = max(self._now_s - self._begin_s, 1.0)
-        return OnAir(
+        return BurstRates(
             alike_per_s=max(chance, paired),
             hiding_per_s=self._distinct(time_s[own & (2.0 * power >= found.power)]) / heard_s,
             begin_per_s=begin,
@@ -173,7 +172,6 @@ class Bursts:
         return own
 
     def _distinct(self, time_s: NDArray[np.float64]) -> int:
-        """Number of pulse widths of time that contain a burst; times in any order."""
         return len(set((time_s / self._width_s).astype(np.intp).tolist()))
 
     def _paired(
