@@ -70,7 +70,7 @@ class FrontEnd:
         self.reset()
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Channel whose centre is nearest to a frequency; `TunerError`: there is none."""
+        """Channel with the nearest centre; raises `TunerError` outside of the usable span."""
         return self.plan.channel_of(frequency_hz)
 
     def reset(self) -> None:

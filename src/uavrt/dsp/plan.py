@@ -113,7 +113,7 @@ class FrontEndPlan:
     """Group delay of decimator and channelizer [s], already subtracted from all times."""
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Channel whose centre is nearest to a frequency; `TunerError`: there is none."""
+        """Channel with the nearest centre; raises `TunerError` outside of the usable span."""
         offset_hz = frequency_hz - self.center_frequency_hz
         if not abs(offset_hz) <= self.usable_half_span_hz:
             raise outside_span(

@@ -276,7 +276,7 @@ def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
             hit=(),
             start_ns=start_ns,
             starts_ns=[start_ns],
-            heard=np.ones(1),
+            energies=np.ones(1),
             offset_hz=0.0,
             noise=1.0,
             row=int(found.rows[place]),

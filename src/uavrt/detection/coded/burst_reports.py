@@ -147,7 +147,7 @@ def sighting_of(
         hit=tuple(burst.hit_by),
         start_ns=time_ns(start),
         starts_ns=[time_ns(place) for place in places.tolist()],
-        heard=np.maximum(energies * gained - 1.0, 0.05),
+        energies=np.maximum(energies * gained - 1.0, 0.05),
         offset_hz=offset_hz,
         noise=float(cells.noise[burst.row]),
         row=burst.row,

@@ -100,10 +100,10 @@ class Cells:
         return count
 
     def _level(self, energy: NDArray[np.float64]) -> None:
-        heard = energy[:, energy.max(axis=0) > 0.0]
-        if heard.shape[1] < 4 * self.pulse:
+        received = energy[:, energy.max(axis=0) > 0.0]
+        if received.shape[1] < 4 * self.pulse:
             return
-        now = np.median(heard, axis=1) / math.log(2.0)
+        now = np.median(received, axis=1) / math.log(2.0)
         self._medians = [*self._medians, now][-CELLS.noise_pieces :]
         usual = np.median(self._medians, axis=0)
         self.shape = usual / max(float(np.median(usual)), 1e-30)

@@ -270,8 +270,8 @@ class CodedDetector:
         over = found.energies.mean(axis=1) - 1.0
         # Before the tag came and after it went there are none.
         own = np.flatnonzero(over >= 0.5 * over.mean())
-        heard = np.flatnonzero(over >= LIMITS.least_energy)
-        for place in heard[(heard >= own[0]) & (heard <= own[-1])].tolist():
+        strong = np.flatnonzero(over >= LIMITS.least_energy)
+        for place in strong[(strong >= own[0]) & (strong <= own[-1])].tolist():
             columns, energies = found.columns[place], found.energies[place]
             if columns[0] < 0:
                 continue
@@ -325,7 +325,7 @@ class CodedDetector:
                 tag,
                 start_ns=sighting.start_ns,
                 starts_ns=sighting.starts_ns,
-                energies=sighting.heard,
+                energies=sighting.energies,
                 offset_hz=sighting.offset_hz,
                 noise=sighting.noise,
                 row=sighting.row,

@@ -14,7 +14,7 @@ from uavrt.detection.coded.tuning import FOREIGN
 class Foreign:
     """Counts bursts that no listed code explains.
 
-    `span`: columns of the longest listed burst. `guard`: columns beside a pulse of it.
+    `span`: columns of the longest listed burst. `guard`: columns around a pulse.
     """
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
@@ -28,8 +28,8 @@ class Foreign:
     @property
     def per_hour(self) -> float:
         """Foreign bursts averaged over the last minutes [1/h]."""
-        heard_s = min(FOREIGN.memory_s, self._upto * self._cells.column_s) + FOREIGN.start_s
-        return FOREIGN.least_per_hour + 3600.0 * self._count / heard_s
+        received_s = min(FOREIGN.memory_s, self._upto * self._cells.column_s) + FOREIGN.start_s
+        return FOREIGN.least_per_hour + 3600.0 * self._count / received_s
 
     def note(self, explained: Sequence[Burst], upto: int) -> None:
         """Find the foreign pulses among the recent cells; count their bursts before `upto`.

@@ -97,8 +97,8 @@ def _energies(
         + over * sums[:, bursts, pulses, low + beyond + 1]
         for beyond in (0, cells.length)
     ]
-    heard = edges[1] - edges[0]
-    energies: NDArray[np.float64] = (heard.real**2 + heard.imag**2) / cells.length
+    summed = edges[1] - edges[0]
+    energies: NDArray[np.float64] = (summed.real**2 + summed.imag**2) / cells.length
     return energies
 
 

@@ -43,7 +43,7 @@ class NoiseTuning:
     young_reach: int = 24
     """Number of rows averaged on each side at the start; 5 % of error double false alarms."""
     reach: int = 8
-    """Number of rows on each side, two bins, whose median is the broadband noise."""
+    """Number of rows on each side, two bins, from which the broadband noise is taken."""
     flat_ratio: float = 1.2
     """Spread of the medians over their error up to which a spectrum counts as flat. A tilt of
     0.4 dB over the band may be missed, no more than the error of the medians."""
@@ -104,7 +104,7 @@ class LevelTuning:
     learnt_slots: int = 40
     """Number of slots with a level of one that are assumed before the first."""
     steady_ratio: float = 0.5
-    """Least ratio of the lowest to the highest level at which the limit of a cell holds."""
+    """Least ratio of the lowest to the highest level at which cells need no new limits."""
     least_level: float = 1e-9
     """Least level, since a receiver may be silent."""
 

@@ -30,7 +30,7 @@ class Counters:
     samples_blanked: int = 0
     """Samples blanked as impulses."""
     blocks_stale: int = 0
-    """Refused blocks whose time had already passed."""
+    """Refused blocks from before samples already received."""
     restarts: int = 0
     """Jumps of time too long to bridge, at which the detector began again."""
     pulses: int = 0

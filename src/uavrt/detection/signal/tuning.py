@@ -13,7 +13,7 @@ class ChannelTuning:
     reorder_s: float = 0.1
     """Longest wait for a block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Least number of recent blocks whose greatest length bounds that of the next."""
+    """Least number of recent blocks from which the greatest length of the next is taken."""
     restart_blocks: int = 3
     """Number of consecutive blocks with past times after which the stream restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.

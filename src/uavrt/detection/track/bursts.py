@@ -131,24 +131,25 @@ class Bursts:
         begin, chance = 0.0, 0.0
         for window_s in BURSTS.windows_s:
             since_s = max(self._begin_s, self._now_s - window_s)
-            heard_s = max(self._now_s - since_s, 1.0)
+            received_s = max(self._now_s - since_s, 1.0)
             late = time_s >= since_s
             all_like = late & alike
             count = np.count_nonzero(all_like)
-            pooled = count / heard_s / bands
+            pooled = count / received_s / bands
             here = self._distinct(time_s[all_like & own])
-            begin = max(begin, beyond_noise(int(count), noise_per_s * heard_s) / heard_s)
+            begin = max(begin, beyond_noise(int(count), noise_per_s * received_s) / received_s)
             chance = max(
-                chance, (here + BURSTS.pooled_s * pooled) / (heard_s + BURSTS.pooled_s)
+                chance, (here + BURSTS.pooled_s * pooled) / (received_s + BURSTS.pooled_s)
             )
-            if heard_s < window_s:
+            if received_s < window_s:
                 break
         mine = time_s[own & alike]
         paired = self._paired(mine, track.interval_s, chance)
-        heard_s = max(self._now_s - self._begin_s, 1.0)
+        received_s = max(self._now_s - self._begin_s, 1.0)
         return BurstRates(
             alike_per_s=max(chance, paired),
-            hiding_per_s=self._distinct(time_s[own & (2.0 * power >= found.power)]) / heard_s,
+            hiding_per_s=self._distinct(time_s[own & (2.0 * power >= found.power)])
+            / received_s,
             begin_per_s=begin,
         )
 

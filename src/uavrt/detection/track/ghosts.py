@@ -52,10 +52,10 @@ class _Coincidence:
 class _Instants(Generic[H]):
     """All trains' pulses in order of time; few of hundreds of trains share an instant."""
 
-    def __init__(self, heard: list[_ReceivedTrain[H]]) -> None:
-        self._heard = heard
-        times_ns = np.array([time_ns for one in heard for time_ns in one.times_ns], np.int64)
-        owners = np.repeat(np.arange(len(heard)), [len(one.times_ns) for one in heard])
+    def __init__(self, received: list[_ReceivedTrain[H]]) -> None:
+        self._trains = received
+        times_ns = np.array([time_ns for one in received for time_ns in one.times_ns], np.int64)
+        owners = np.repeat(np.arange(len(received)), [len(one.times_ns) for one in received])
         order = np.argsort(times_ns)
         self._times_ns, self._owners = times_ns[order], owners[order].tolist()
 
@@ -71,7 +71,7 @@ class _Instants(Generic[H]):
             often.update(set(self._owners[begin:end]))
         return [
             other
-            for number, other in enumerate(self._heard)
+            for number, other in enumerate(self._trains)
             if often[number] >= GHOSTS.least_pulses and other is not one
         ]
 
@@ -83,20 +83,20 @@ def mark_ghosts(
 
     `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
     """
-    heard = [
+    received = [
         _received_train(detector, track, slots)
         for detector in detectors
         for track in detector.tracks
         if len(slots := _accepted(track)) >= GHOSTS.least_pulses
     ]
-    strongest = max((one.level for one in heard), default=0.0)
+    strongest = max((one.level for one in received), default=0.0)
     instants: _Instants[H] | None = None
     new = []
-    for one in heard:
+    for one in received:
         if strongest < GHOSTS.stronger_ratio * one.level and one.track.ghost_of is None:
             continue
         before = one.track.ghost_of
-        instants = instants or _Instants(heard)
+        instants = instants or _Instants(received)
         one.track.ghost_of = _original(one, instants.coinciding(one), receiver, carriers_hz)
         if one.track.ghost_of is not None and before is None:
             new.append((one.detector, one.track))
@@ -105,16 +105,16 @@ def mark_ghosts(
 
 def _original(
     one: _ReceivedTrain[H],
-    heard: list[_ReceivedTrain[H]],
+    received: list[_ReceivedTrain[H]],
     receiver: Receiver,
     carriers_hz: Sequence[float],
 ) -> int | None:
-    for other in heard:
+    for other in received:
         if other.track.ghost_of is None and _is_edges(one, other):
             return other.detector.tag.tag_id
     stronger = [
         (other, found)
-        for other in heard
+        for other in received
         if other.track.ghost_of is None
         and other.level >= GHOSTS.stronger_ratio * one.level
         and (found := _coincidence(one, other, one.near_s)).together >= GHOSTS.least_pulses

@@ -51,12 +51,12 @@ class _LostColumns:
     def whole(self, begin: int, count: int) -> NDArray[np.bool_]:
         """True for the columns from `begin` on that are used for the noise."""
         weights = self._weights(begin, count)
-        heard = np.ones(count, np.bool_) if weights is None else weights > 0.0
+        received = np.ones(count, np.bool_) if weights is None else weights > 0.0
         # A window with 7 ms taken out has a third of its noise less: five such in a second
         # gave 3 % too little, two and a half times the false groups.
         clean = self._without(self._buffer.lost, begin, count)
         clean &= self._without(self._buffer.blanked, begin, count)
-        return clean if clean.sum() > BAND.least_clean * heard.sum() else heard
+        return clean if clean.sum() > BAND.least_clean * received.sum() else received
 
     def _without(
         self, stretches: list[tuple[int, int]], begin: int, count: int
@@ -119,7 +119,7 @@ class SearchBand:
         """True while the noise is uncertain: for ten seconds in a narrow band."""
         self._learnt: list[NDArray[np.float32]] = []
         self._column = 0
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._first_noise_s = _needed_noise_s(tag, self._searches)
 
     @property
@@ -234,7 +234,7 @@ class SearchBand:
         offsets = other._grid.offsets_hz
         level = np.interp(grid.offsets_hz, offsets, other.noise_now).astype(np.float32)
         self._noise.take_over(other._noise, level)
-        self._heard_s = other._heard_s
+        self._received_s = other._received_s
         for search in self._searches:
             search.begin_at(column)
 
@@ -269,7 +269,7 @@ class SearchBand:
 
     @property
     def _noise_is_known(self) -> bool:
-        return self._noise.ready and self._heard_s >= BAND.young_s
+        return self._noise.ready and self._received_s >= BAND.young_s
 
     def _learn(self, power: NDArray[np.float32], begin: int, *, last: bool) -> None:
         whole = power
@@ -277,21 +277,21 @@ class SearchBand:
             whole = power[self._lost.whole(begin, len(power))]
         self._learnt.append(whole[::NOISE_STRIDE].copy())
         known = self._noise_is_known
-        self._heard_s += len(whole) * self._grid.hop_s
+        self._received_s += len(whole) * self._grid.hop_s
         if known:
             if len(self._learnt) >= BAND.noise_batches:
                 self._noise.update(np.concatenate(self._learnt))
                 self._learnt.clear()
                 self._trust_noise()
             return
-        if self._heard_s < self._first_noise_s and not last:
+        if self._received_s < self._first_noise_s and not last:
             return
         everything = np.concatenate(self._learnt)
         if len(everything) >= 16:
             self._noise.start(everything)
             self._unsure = True
             self._trust_noise()
-            if self._heard_s >= BAND.young_s:
+            if self._received_s >= BAND.young_s:
                 self._learnt.clear()
 
     def _trust_noise(self, *, always: bool = False) -> None:
@@ -359,7 +359,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
     for index, piece in zip(plain, some.transpose(0, 2, 1).copy(), strict=True):
         band = bands[index]
         band._column += count
-        band._heard_s += count * band._grid.hop_s
+        band._received_s += count * band._grid.hop_s
         band._learnt.append(piece)
         if len(band._learnt) >= BAND.noise_batches:
             due.setdefault(sum(map(len, band._learnt)), []).append(band)

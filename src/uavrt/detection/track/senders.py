@@ -113,7 +113,7 @@ class ConfirmedPulses:
         self._pulses: dict[int, tuple[float, float]] = {}
         """Absolute frequency [Hz] and power of each pulse, by its time [ns]."""
         self._times_ns = np.zeros(0, np.int64)
-        """Times of `_heard` as an array, since they are read with every pulse."""
+        """Times of `_pulses` as an array, since they are read with every pulse."""
         self._how = np.zeros((0, 2))
 
     def update(self, detectors: Iterable[FollowingDetector]) -> None:
@@ -134,10 +134,9 @@ class ConfirmedPulses:
     def at_frequencies(
         self, wanted: Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Pulses of confirmed trains of the last 40 s at absolute frequencies that are
-        `wanted`.
+        """Pulses of confirmed trains of the last 40 s at frequencies that are `wanted`.
 
-        Returns (times_ns, heard): (n,); (n, 2), absolute frequency and power of each.
+        Returns (times_ns, received): (n,); (n, 2), absolute frequency and power of each.
         """
         some = wanted(self._how[:, 0])
         return self._times_ns[some], self._how[some]

@@ -185,13 +185,13 @@ def known_pulses(train: Train[H]) -> list[KnownPulse]:
         if not track.confirmed or track.dead:
             continue
         at_hz = detector.absolute_hz(track)
-        heard = track.received
-        known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in heard]
-        if heard:
+        received = track.received
+        known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in received]
+        if received:
             # Who began with it may have been faster than this detector.
             time_s, half_s = track.expected()
             half_ns = NANOSECONDS_PER_SECOND * half_s
-            power = max(slot.measured.power for slot in heard)
+            power = max(slot.measured.power for slot in received)
             known.append(KnownPulse(detector.time_ns(time_s), half_ns, at_hz, power))
     return known
 

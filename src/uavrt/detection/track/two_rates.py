@@ -76,8 +76,8 @@ def decide_rate(track: Track) -> Track | None:
             left.append(other)
     track.at_other_rate = left
     most, best = max(leads, key=lambda pair: pair[0], default=(0.0, None))
-    heard = best is not None and best.last_accepted_s > best.settled_s
-    winner = best if heard and most > RATES.decisive_log else None
+    received = best is not None and best.last_accepted_s > best.settled_s
+    winner = best if received and most > RATES.decisive_log else None
     if winner is not None:
         starts_s = [
             other.settled_s for lead, other in leads if lead > most - RATES.decisive_log
