@@ -16,7 +16,7 @@ from uavrt.guidance.way_text import way_in
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern
 from uavrt.messages import Tag
 from uavrt.planning.area import Polygon, survey_lines
-from uavrt.planning.coverage import Coverage, ListeningWay, coverage_of, listening_way
+from uavrt.planning.coverage import AntennaPath, Coverage, coverage_of, planned_antenna_path
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.planning.whole_flight import MODEL
 from uavrt.tangent_plane import TangentPlane, plane_around
@@ -198,7 +198,7 @@ def plan_coverage(
 ) -> Coverage:
     """Probability of detection along a planned path; raises `UsageError` if it is too long."""
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
-    way = listening_way(
+    way = planned_antenna_path(
         corners_m,
         height_m=height_m,
         speed_m_s=speed_m_s,
@@ -229,7 +229,7 @@ def has_boresight(pattern: AntennaPattern | None) -> bool:
 
 def covered_by(
     area: MapArea,
-    way: ListeningWay,
+    way: AntennaPath,
     tag: Tag,
     budget: LinkBudget,
     pattern: AntennaPattern | None,

@@ -29,12 +29,12 @@ from uavrt.localization.flight_estimates import (
     ReadAs,
     TagBearing,
     TagPosition,
-    found_of,
+    at_one_place,
     place,
-    stands,
     survey,
+    with_strengths,
 )
-from uavrt.localization.heard import Heard, OverGround
+from uavrt.localization.heard import FlightGround, Heard
 from uavrt.localization.position.estimate import ADDED_METHODS
 from uavrt.localization.results import Bearing, Position, PositionMethod
 from uavrt.messages import PulsePose
@@ -237,7 +237,7 @@ def _positions_of_logs(
             )
     whips = [one for one in logs if (how.antenna or one.heard.antenna) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
-    standing = [one for one in whips if (turned or noted) and stands(one.heard)]
+    standing = [one for one in whips if (turned or noted) and at_one_place(one.heard)]
     whips = [one for one in whips if one not in standing]
     if whips and (turned or noted):
         warn(
@@ -270,7 +270,7 @@ def _positions_of_turns(
     standing: Sequence[_Log],
     noted: Sequence[TagBearing],
     how: ReadAs,
-    over: OverGround | None,
+    over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
     """Positions from bearings and from signal strengths; the reason for tags without either.
@@ -289,7 +289,7 @@ def _positions_of_turns(
             if each.flight == number
         ]
         # Keys are tags already: their frequencies need not be compared.
-        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
+        together.append(replace(with_strengths(one.heard, how, own), frequencies_hz={}))
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
     if copies := len(noted) - len(kept):

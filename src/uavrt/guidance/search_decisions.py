@@ -119,7 +119,7 @@ class SearchDecisions:
             return None
         here, stand = self._task.here_m(now), (state.east_m, state.north_m)
         for begins in ([here], [here, stand]):
-            reason = self._search.settings.area.entered(*np.array([*begins, goal]).T)
+            reason = self._search.settings.area.entered_area(*np.array([*begins, goal]).T)
             if reason is not None:
                 return reason
         return None

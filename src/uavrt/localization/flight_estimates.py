@@ -21,7 +21,7 @@ from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.bearing.turns import Turn, find_turns
 from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.headings import Headings, yaws_deg
-from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
+from uavrt.localization.heard import FlightGround, Heard, PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.listeners import strengths_of
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.power_evidence import PowerTrack
@@ -302,17 +302,17 @@ def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
     return replace(one, turn=turn, number=number)
 
 
-def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
+def learning_turns(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
     """Turns from which the antenna's pattern is learned: complete ones with many pulses."""
     whole = [one for one in heard if one.whole and len(one.snr_db) >= FLIGHT.learning_pulses]
     return whole[: FLIGHT.most_turns]
 
 
-def antenna_as_shown(
+def corrected_antenna(
     heard: Sequence[HeardInTurn], antenna: AntennaPattern | str
 ) -> AntennaPattern:
     """Pattern of the antenna corrected by whole turns; unchanged where they are too few."""
-    whole = teaching(heard)
+    whole = learning_turns(heard)
     pattern = pattern_named(antenna)
     if len(whole) < FLIGHT.least_turns:
         return pattern
@@ -356,7 +356,7 @@ def learnt_pattern(
     if heard.goes_on and len(heard.poses.time_ns):
         over_ns = int(heard.poses.time_ns[-1]) - 2 * EDGE_NS
     shown = [*(one for one in turns if one.turn.end_time_ns < over_ns), *past]
-    return (cache or Cache()).get(antenna_as_shown, teaching(shown), antenna)
+    return (cache or Cache()).get(corrected_antenna, learning_turns(shown), antenna)
 
 
 def bearings_of(
@@ -411,13 +411,13 @@ def find(
     """
     how, cache = how or ReadAs(), cache or Cache()
     if antenna_of(heard, how) == MONOPOLE:
-        return found_of(heard, how, [], cache)
+        return with_strengths(heard, how, [], cache)
     own, pattern = _bearings(heard, how, past, cache)
-    found = found_of(heard, how, _with_theirs(own, theirs), cache)
+    found = with_strengths(heard, how, _with_theirs(own, theirs), cache)
     return replace(found, pattern=pattern)
 
 
-def found_of(
+def with_strengths(
     heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
 ) -> Found:
     """Add the strengths of tags without bearings to a receiver's bearings."""
@@ -534,14 +534,14 @@ def estimate(
     )
 
 
-def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
+def _over(heard: Heard, how: ReadAs, cache: Cache) -> FlightGround | None:
     return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
 def place(
     found: Sequence[Found],
     how: ReadAs | None = None,
-    over: OverGround | None = None,
+    over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
     """Estimate one position for each tag with bearings, or received by the first receiver.
@@ -573,7 +573,7 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 
 
 def _placed(
-    tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
+    tag_id: int, found: Sequence[Found], how: ReadAs, over: FlightGround | None, cache: Cache
 ) -> TagPosition | None:
     # Each has its own gain: two flights may be of two drones under one number, and a shared
     # gain narrows no circle by more than 4 %.
@@ -596,7 +596,7 @@ def _placed(
 
 
 def _stations(
-    bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
+    bearings: Sequence[TagBearing], over: FlightGround | None, listeners: Sequence[Strengths]
 ) -> Stations:
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
@@ -644,7 +644,7 @@ def _position_of(
 
 
 def survey(
-    heard: Heard, how: ReadAs, over: OverGround | None = None, cache: Cache | None = None
+    heard: Heard, how: ReadAs, over: FlightGround | None = None, cache: Cache | None = None
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
     """Positions and tracks from strength alone; raises `UsageError` if bearings are needed."""
     cache = cache or Cache()
@@ -733,7 +733,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     )
 
 
-def stands(heard: Heard) -> bool:
+def at_one_place(heard: Heard) -> bool:
     """True if all pulses were received at one place, which gives no survey by strength."""
     own = heard.pulses.values()
     if not own:

@@ -204,7 +204,7 @@ class PulseColumns:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OverGround:
+class FlightGround:
     """A flight's ground model, and the heights of the flight above it."""
 
     hills: HillLosses
@@ -216,7 +216,7 @@ class OverGround:
         elevation: Elevation,
         poses: PoseColumns,
         lay: Callable[..., HillLosses] = HillLosses,
-    ) -> "OverGround | None":
+    ) -> "FlightGround | None":
         """Ground model around a flight; None where no pose has a place and a height.
 
         Heights of a flight count from its take-off, assumed beneath the first pose. `lay` may
@@ -239,14 +239,14 @@ class OverGround:
                 f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
                 "the ground beneath that place"
             )
-        said += apart_in_words(hills.start_amsl_m, float(poses.amsl_m[first]) - height_m)
+        said += height_warning(hills.start_amsl_m, float(poses.amsl_m[first]) - height_m)
         return cls(hills=hills.noting(*said), poses=poses)
 
-    def noting(self, *limitations: str) -> "OverGround":
+    def noting(self, *limitations: str) -> "FlightGround":
         """Copy with further limitations for the operator."""
         return replace(self, hills=self.hills.noting(*limitations))
 
-    def at(self, frequency_hz: float) -> "OverGround":
+    def at(self, frequency_hz: float) -> "FlightGround":
         """Losses behind hills for a tag at this frequency."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
@@ -255,7 +255,7 @@ class OverGround:
         return self.poses.heights_m(time_ns)
 
 
-def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
+def height_warning(ground_m: float, said_m: float) -> tuple[str, ...]:
     """Warn if elevation files and flight disagree on the height of the take-off."""
     if (
         not abs(said_m - ground_m) > FLIGHT.reported_height_m
@@ -425,9 +425,9 @@ class Heard:
 
     def over(
         self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
-    ) -> OverGround | None:
+    ) -> FlightGround | None:
         """Ground model under the flight, for the median frequency; raises `FormatError`."""
-        over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
+        over = None if elevation is None else FlightGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)
         known_hz = every_hz[np.isfinite(every_hz)]

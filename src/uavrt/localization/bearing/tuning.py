@@ -83,7 +83,7 @@ class PatternTuning:
 class TwoPathTuning:
     """Search for a second path, such as a reflection, that explains a rotation better."""
 
-    apart_deg: tuple[float, ...] = (20, 35, 50, 65, 80, 100, 120, 150, 180)
+    apart_deg: tuple[int, ...] = (20, 35, 50, 65, 80, 100, 120, 150, 180)
     """Candidate angles between the two paths [°]."""
     weaker_db: tuple[float, ...] = (-6.0, -3.0, -1.0, 0.0)
     """Candidate levels of the weaker path relative to the stronger [dB]."""

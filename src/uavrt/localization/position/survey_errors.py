@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.position.censored_power import PowerFit
 from uavrt.localization.position.level_evidence import Propagation
-from uavrt.localization.position.over_hills import OverHills
+from uavrt.localization.position.over_hills import TrackHillLosses
 from uavrt.localization.position.power_evidence import PowerEvidence, PowerTrack, fit_each
 from uavrt.localization.position.tuning import POWER, SURVEY
 from uavrt.localization.results import Caution
@@ -41,7 +41,7 @@ class SurveyEvidence:
         track: PowerTrack,
         propagation: Propagation,
         height_sigma_m: float,
-        over_hills: OverHills | None = None,
+        over_hills: TrackHillLosses | None = None,
     ) -> None:
         self._over_hills = over_hills
         self._east_m, self._north_m, self._track = east_m, north_m, track

@@ -16,7 +16,7 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.information import information_nats
 from uavrt.planning.planners.tangents import tangents
 from uavrt.planning.planners.ways import (
-    Ways,
+    CandidatePaths,
     checked,
     headings,
     here,
@@ -95,7 +95,7 @@ class MiRate:
     def _best(
         self,
         situation: Situation,
-        ways: Ways,
+        ways: CandidatePaths,
         spans: _Floats,
         legs: Legs,
         goals: list[int | None],
@@ -147,7 +147,7 @@ class MiRate:
 
     def _ways(
         self, situation: Situation, *, exploring: bool
-    ) -> tuple[Ways, _Floats, Legs, list[int | None]]:
+    ) -> tuple[CandidatePaths, _Floats, Legs, list[int | None]]:
         """Candidate paths, their times, samples, and target tags; the turn is the last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
@@ -212,7 +212,7 @@ class MiRate:
     def _may_stay(self, situation: Situation) -> bool:
         return here(situation).refused[0] is None
 
-    def _away(self, situation: Situation, ways: Ways) -> Decision:
+    def _away(self, situation: Situation, ways: CandidatePaths) -> Decision:
         """Choose the least disturbing path, if the area allows any, when none is allowed."""
         stays = self._stays(situation)
         if stays is not None:
