@@ -160,8 +160,8 @@ class TagBelief:
     ) -> None:
         if not 0.0 < existence < 1.0:
             raise ConfigError(
-                f"tag {tag_id} exists with a probability of {existence}",
-                remedy="Give one above 0 and below 1",
+                f"the probability that tag {tag_id} exists is {existence}",
+                remedy="Give a probability above 0 and below 1",
             )
         self.tag_id = tag_id
         self._tracker = ParticleTracker(prior, rng, particles=particles)

@@ -34,8 +34,8 @@ class Separation:
     def __post_init__(self) -> None:
         if min(self.distance_m, self.height_m) <= 0.0 or self.margin < 1.0:
             raise ConfigError(
-                f"drones {self.distance_m:g} m apart, {self.height_m:g} m in height, with a "
-                f"margin of {self.margin:g}",
+                f"the distance between drones is {self.distance_m:g} m, {self.height_m:g} m in "
+                f"height, with a margin of {self.margin:g}",
                 remedy="Give distances above 0 and a margin of 1 or more",
             )
 

@@ -113,7 +113,8 @@ def amplitude_monopulse(
     used = heard.sum(axis=1) >= 2
     if not used.any():
         raise UsageError(
-            "no pulse was heard by two antennas", remedy="Use the strongest antenna's boresight"
+            "no pulse was received by two antennas",
+            remedy="Use the strongest antenna's boresight",
         )
     gain = pattern.gain_db(difference_deg(GRID_DEG[:, None], boresight_deg[None, :]))
     log_density = np.zeros(len(GRID_DEG))
