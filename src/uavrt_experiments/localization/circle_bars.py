@@ -1,7 +1,7 @@
-"""Experiment L7: circles of 50 and 95 %, with errors drawn from the priors.
+"""Experiment L7: coverage of 50 and 95 % circles, with errors drawn from the priors.
 
-A circle that allows for heading errors of 1.5° is too wide for a flight with exact headings;
-over flights with such errors, it holds the stated probability.
+A circle that allows for heading errors of 1.5° is too wide for a flight with exact headings.
+Over flights with such errors, it contains the tag with the stated probability.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ from uavrt_experiments.result import Row
 _Floats = NDArray[np.float64]
 _PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 _OWN_DEG = 2.0
-"""Error of each bearing alone."""
+"""Independent error of each bearing [deg]."""
 _OUTLIER_SHARE = 0.05
 _HEIGHT_M = 40.0
 _SIDE_M = 300.0
@@ -42,7 +42,7 @@ class Bearings:
     unusual: bool = False
     """True: wrong compasses, walks and gross bearings are drawn too."""
     known: bool = False
-    """The estimator assumes that headings are true."""
+    """True: the estimator assumes that headings are exact."""
     judged: bool = True
 
 
@@ -54,11 +54,11 @@ class Strengths:
     heights: bool = False
     """True: the given height has an error, drawn from the prior."""
     known: bool = True
-    """The estimator assumes that heights are true."""
+    """True: the estimator assumes that heights are exact."""
     too_weak: float = 0.0
-    """Share of the pulses that are too weak to be heard."""
+    """Share of the pulses that are too weak to be detected."""
     lost: float = 0.0
-    """Share that is missed for other reasons."""
+    """Share of the pulses that are missed for other reasons."""
     judged: bool = True
 
 
@@ -87,7 +87,7 @@ STRENGTHS = (
 
 
 def circles(runs: int, seed: int) -> list[Row]:
-    """L7: coverage of the circles; no bars where the estimator allows for absent errors."""
+    """L7: coverage of the circles; no requirement if the estimator allows for absent errors."""
     results = []
     for bearings in BEARINGS:
         rng = np.random.default_rng(seed)
@@ -110,7 +110,7 @@ def _rows(name: str, within: list[tuple[bool, bool]], judged: bool) -> list[Row]
 
 
 def by_bearings(rng: Generator, case: Bearings) -> tuple[bool, bool]:
-    """True if the circles of 50 and of 95 % hold a tag with stations around it."""
+    """True if the 50 % and the 95 % circle contain a tag with stations around it."""
     east, north = _stations(rng, case)
     hops_s = np.hypot(np.diff(east), np.diff(north)) / 8.0
     time_s = np.concatenate([[0.0], np.cumsum(hops_s + 60.0)])
@@ -149,7 +149,7 @@ def _stations(rng: Generator, case: Bearings) -> tuple[_Floats, _Floats]:
 
 
 def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
-    """True if the circles of 50 and of 95 % hold a tag below survey lines."""
+    """True if the 50 % and the 95 % circle contain a tag below survey lines."""
     tag = rng.uniform(0.0, _SIDE_M, 2)
     track = survey(rng, _SIDE_M, 50.0, _FADING_DB, 0.0, (float(tag[0]), float(tag[1])))
     if case.heights:
@@ -163,7 +163,7 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
 
 
 def height_error_m(rng: Generator) -> float:
-    """One of the usual heights' errors, or one in ten of four times as much."""
+    """Draw a usual error of the height [m], or in one of ten cases four times as much."""
     while True:
         sigma = SURVEY.height_sigma_m * (4.0 if rng.random() < 0.1 else 1.0)
         error = float(rng.normal(0.0, sigma))
@@ -172,7 +172,7 @@ def height_error_m(rng: Generator) -> float:
 
 
 def strengths_heard(rng: Generator, track: PowerTrack, case: Strengths) -> PowerTrack:
-    """Which strengths of a track are heard: too weak ones and lost ones are NaN."""
+    """Strengths of a track that are received; too weak ones and lost ones are NaN."""
     threshold_db = float(np.quantile(track.snr_db, case.too_weak)) if case.too_weak else 10.0
     missed = track.snr_db < threshold_db if case.too_weak else np.zeros(len(track.snr_db), bool)
     missed |= rng.random(len(missed)) < case.lost
