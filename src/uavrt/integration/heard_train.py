@@ -43,10 +43,7 @@ class TrainPulses:
 def train_pulses(
     energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
 ) -> TrainPulses:
-    """Refine a train between the cells of the search, and return its slots' energies.
-
-    `gain` (times,): energy of a pulse from its place, relative to the strongest.
-    """
+    """Refine a train between the cells of the search, and return its slots' energies."""
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1

@@ -196,11 +196,7 @@ def turns_in(
 
 
 def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
-    """Pulses of each tag in each turn in place, in order of time and tag.
-
-    At least three pulses are needed. The antenna is turned by an offset clockwise from the
-    heading stored with the pulses.
-    """
+    """Pulses, three or more, of each tag in each turn in place, in order of time and tag."""
     pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
     yaw_deg = np.unwrap(heard.poses.yaw_deg, period=360.0)
@@ -345,10 +341,7 @@ def learnt_pattern(
     past: Sequence[HeardInTurn] = (),
     cache: Cache | None = None,
 ) -> AntennaPattern:
-    """Antenna's pattern learned from the turns of this flight and of earlier ones, `past`.
-
-    A turn in progress is left out: each of its pulses would change all bearings.
-    """
+    """Antenna's pattern learned from complete turns of this flight and of `past` ones."""
     antenna = antenna_of(heard, how)
     if not (how.learn and how.bearing_method == "pattern_ml" and turns):
         return pattern_named(antenna)
@@ -544,11 +537,7 @@ def place(
     over: FlightGround | None = None,
     cache: Cache | None = None,
 ) -> list[TagPosition]:
-    """Estimate one position for each tag with bearings, or received by the first receiver.
-
-    Bearings without a direction are left out; strengths of receivers that did not turn are
-    used.
-    """
+    """Estimate one position for each tag with bearings, or received by the first receiver."""
     how, cache = how or ReadAs(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
     every = sorted(tags.union(*(each.heard for each in found[:1])))

@@ -53,11 +53,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add other poses, such as those stored with pulses, at times without poses.
-
-        This covers times of a failed telemetry link. Both may be out of order; the result has
-        one pose for each time.
-        """
+        """Add other poses in any order, as of pulses, at times without poses here."""
         alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
         parts = (self, others.chosen(alone))
         both = joined_rows([replace(one, altitude_amsl_m=one.amsl_m) for one in parts])
@@ -365,10 +361,7 @@ class Heard:
         name: str = "this vehicle",
         goes_on: bool = False,
     ) -> "Heard":
-        """Convert records of pulses and poses; `poses` is None for a log of pulses alone.
-
-        Raises `UsageError`: no pulse has a pose.
-        """
+        """Convert records; `poses` None is a log of pulses. `UsageError` without any pose."""
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
                 "no pulse has a pose, so headings are unknown",

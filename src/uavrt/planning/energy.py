@@ -84,10 +84,7 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy to climb, fly home and descend [Wh], `sigmas` above the estimated power.
-
-        It is infinite if the wind is too strong.
-        """
+        """Energy to climb, fly home and descend [Wh]; infinite if the wind is too strong."""
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
         if not isfinite(flying):

@@ -48,11 +48,7 @@ def circle_steering(
 def pair_steering(
     spacing_wavelengths: float, elevation_deg: float = 0.0, *, modes: bool = True
 ) -> Steering:
-    """Steering function of two elements side by side: their sum, and right minus left.
-
-    The difference separates right from left; ahead and behind need a turn. With `modes` false,
-    the left and the right element themselves.
-    """
+    """Steering function of two elements side by side: sum and difference, or each alone."""
     turns = spacing_wavelengths * np.cos(np.radians(elevation_deg))
 
     def steering(direction_deg: _Floats) -> _Complex:

@@ -105,10 +105,7 @@ class LevelEvidence:
         return gain
 
     def _score(self, x: _Floats, residual: _Floats, weight: _Floats, gain_db: float) -> _Floats:
-        """(places,) log-likelihood with P, the receivers' errors and n integrated out.
-
-        `gain_db`: standard deviation of the errors of receivers that never turned.
-        """
+        """(places,) log-likelihood with P, the receivers' errors and n integrated out."""
         errors, listeners = self._errors, len(self._listeners)
         normal = np.einsum("pn,nj,nk->pjk", weight, errors, errors)
         normal[:, range(listeners), range(listeners)] += gain_db**-2.0

@@ -152,10 +152,7 @@ class PowerEvidence:
         return replace(fit, level_db=fit.level_db + self._mean_db)
 
     def correlation_at_best(self, east_m: _Floats, north_m: _Floats) -> float:
-        """Correlation of neighbouring pulses' fading, at the most likely of (places,).
-
-        One value for all places: separate ones would favour some of equally likely places.
-        """
+        """Correlation of neighbouring pulses' fading, at the most likely of (places,)."""
         fit = self.fit(east_m, north_m)
         top = int(np.argmax(fit.log_likelihood))
         loss, z = self._heard_from(east_m[top : top + 1], north_m[top : top + 1])
@@ -183,10 +180,7 @@ class PowerEvidence:
     def propagation(
         self, east_m: _Floats, north_m: _Floats, pulses: NDArray[np.intp]
     ) -> tuple[_Reals, _Reals]:
-        """(places, pulses) -10 log10(r / 100 m), and the antenna's gain [dB].
-
-        Single precision is several times as fast and errs by a millionth of a dB.
-        """
+        """(places, pulses) -10 log10(r / 100 m), and antenna gain [dB]; single precision."""
         return self._propagated(self.seen_from(east_m, north_m, pulses), pulses)
 
     def seen_from(

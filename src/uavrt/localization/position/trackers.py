@@ -551,11 +551,7 @@ class ParticleTracker:
         return mean, float(weight @ (exponent - mean) ** 2)
 
     def take_exponent(self, precision: float, weighted: float) -> None:
-        """Update with a normal likelihood of the exponent, learned from other tags.
-
-        `precision`: reciprocal of its variance.
-        `weighted`: its mean times the precision.
-        """
+        """Update with a normal exponent: its `precision`, and mean `weighted` by that."""
         self._walk.learn_exponent(precision, weighted)
         exponent = self._state.exponent
         self._weigh((weighted - 0.5 * precision * exponent) * exponent)

@@ -51,11 +51,7 @@ def headings(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check which paths the area and the distance to animals allow.
-
-    `east_m`, `north_m` (ways,): ends.
-    `stays_s`: time at the end, to which the same limits apply.
-    """
+    """Check which paths, and stays at their ends, area and distance to animals allow."""
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
