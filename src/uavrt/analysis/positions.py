@@ -231,7 +231,7 @@ def _positions_of_logs(
     if how.elevation is not None and logs:
         over = _together(logs).over(how.elevation)
         if over is not None and len(logs) > 1:
-            over = over.noting(
+            over = over.with_limitations(
                 "heights of several flights are counted from the first one's take-off: the "
                 "flights must have begun at one place"
             )
@@ -262,7 +262,7 @@ def _positions_of_logs(
 
 
 def _together(logs: Sequence[_Log]) -> Heard:
-    return reduce(Heard.and_those, [one.heard for one in logs])
+    return reduce(Heard.merged_with, [one.heard for one in logs])
 
 
 def _positions_of_turns(

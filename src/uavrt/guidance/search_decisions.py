@@ -98,7 +98,7 @@ class SearchDecisions:
         if windy is not None:
             return Decision(action=Return(), reason=windy)
         if now.energy is not None:
-            search.know_energy(now.energy)
+            search.set_energy(now.energy)
         decision = search.decide(state, wind=now.wind, battery=task.battery(now), others=drones)
         reason = self._entered(decision.action, state, now)
         if reason is None and drones is not None:

@@ -128,7 +128,7 @@ class Found:
         """Bearings of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
-    def knows(self, tag_id: int) -> bool:
+    def has_tag(self, tag_id: int) -> bool:
         """True if there is a bearing or a strength of a tag."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
@@ -419,7 +419,7 @@ def with_strengths(
         one.tag_id
         for one in bearings
         if one.bearing.accepted
-        or (one.tag_id in heard.pulses and _turns(heard.pulses[one.tag_id]))
+        or (one.tag_id in heard.pulses and _is_of_turn(heard.pulses[one.tag_id]))
     }
     return Found(
         bearings=bearings,
@@ -446,7 +446,7 @@ def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strength
     )
 
 
-def _turns(pulses: PulseColumns) -> bool:
+def _is_of_turn(pulses: PulseColumns) -> bool:
     """True if a bearing without a clear direction is from a turn, not from one heading."""
     yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
     return float(np.ptp(yaw)) >= FLIGHT.least_turn_deg
@@ -550,8 +550,8 @@ def place(
 
 def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
     """Receivers for which a tag number means the same animal, by its frequency."""
-    knows = [*found[:1], *(each for each in found[1:] if each.knows(tag_id))]
-    hz = [each.frequencies_hz[tag_id] for each in knows if tag_id in each.frequencies_hz]
+    known_by = [*found[:1], *(each for each in found[1:] if each.has_tag(tag_id))]
+    hz = [each.frequencies_hz[tag_id] for each in known_by if tag_id in each.frequencies_hz]
     if not hz:
         return list(found)
     return [

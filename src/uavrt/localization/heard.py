@@ -151,7 +151,7 @@ class PulseColumns:
         """Return the pulses selected by an index array or a mask."""
         return chosen_rows(self, which)
 
-    def and_those(self, others: "PulseColumns") -> "PulseColumns":
+    def merged_with(self, others: "PulseColumns") -> "PulseColumns":
         """Merge with other pulses, in order of time."""
         both = joined_rows([self, others])
         return both.chosen(np.argsort(both.time_ns, kind="stable"))
@@ -236,11 +236,11 @@ class FlightGround:
                 "the ground beneath that place"
             )
         said += height_warning(hills.start_amsl_m, float(poses.amsl_m[first]) - height_m)
-        return cls(hills=hills.noting(*said), poses=poses)
+        return cls(hills=hills.with_limitations(*said), poses=poses)
 
-    def noting(self, *limitations: str) -> "FlightGround":
+    def with_limitations(self, *limitations: str) -> "FlightGround":
         """Copy with further limitations for the operator."""
-        return replace(self, hills=self.hills.noting(*limitations))
+        return replace(self, hills=self.hills.with_limitations(*limitations))
 
     def at(self, frequency_hz: float) -> "FlightGround":
         """Losses behind hills for a tag at this frequency."""
@@ -392,11 +392,11 @@ class Heard:
             ),
         )
 
-    def and_those(self, other: "Heard") -> "Heard":
+    def merged_with(self, other: "Heard") -> "Heard":
         """Merge with the pulses and poses of another receiver, as of one flight."""
         pulses = dict(self.pulses)
         for tag_id, own in other.pulses.items():
-            pulses[tag_id] = pulses[tag_id].and_those(own) if tag_id in pulses else own
+            pulses[tag_id] = pulses[tag_id].merged_with(own) if tag_id in pulses else own
         listed = {tag.tag_id: tag for tag in (*self.tags, *other.tags)}
         return replace(
             self,

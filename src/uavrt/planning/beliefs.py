@@ -62,7 +62,7 @@ class ModelCheck:
     scatter: float
     """Mean square deviation over the expected one; 1 if the model holds."""
     pulses: float
-    """Sum of the pulses' weights."""
+    """Sum of the weights of recent pulses."""
 
     @property
     def passed(self) -> bool:

@@ -77,7 +77,7 @@ class ExponentSharing:
         if len(learning) < 2:
             return
         for one in learning:
-            self._ask(one)
+            self._collect(one)
         if not self._sent:
             return
         sent = {tag: one.softened(self._variance) for tag, one in self._sent.items()}
@@ -91,7 +91,7 @@ class ExponentSharing:
             one.tracker.take_exponent(news.precision, news.weighted)
             self._received[one.tag_id] = others
 
-    def _ask(self, belief: TagBelief) -> None:
+    def _collect(self, belief: TagBelief) -> None:
         """Message by a tag's own pulses; None unless it exists and agrees with the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return

@@ -195,7 +195,7 @@ class Search:
             ),
         )
 
-    def know_energy(self, energy: EnergyModel) -> None:
+    def set_energy(self, energy: EnergyModel) -> None:
         """Set the energy model learned from the battery."""
         if self.settings.energy is not None:
             self.settings = replace(self.settings, energy=energy)

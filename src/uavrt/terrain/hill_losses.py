@@ -116,7 +116,7 @@ class HillLosses:
         other._squares = self._rough  # noqa: SLF001 - of a copy of its own
         return other
 
-    def noting(self, *limitations: str) -> "HillLosses":
+    def with_limitations(self, *limitations: str) -> "HillLosses":
         """Copy with further limitations."""
         other = copy(self)
         other.limitations = (*self.limitations, *limitations)

@@ -60,7 +60,7 @@ class Model:
         self.listeners: tuple[Strengths, ...] = ()
         if stations is not None:
             self.bearings = _bearing_evidence(stations, self.plane, known)
-            self.listeners = _judged(stations, self)
+            self.listeners = _usable_receivers(stations, self)
             usable = tuple(one for one in self.listeners if one.unused is None)
             self._levels = _level_evidence(stations, usable, self, known.propagation)
         self.track = None if powers is None else _power_evidence(powers, self, known)
@@ -153,7 +153,7 @@ _HILLS_UNKNOWN = "their losses behind hills are not computed"
 _NO_LEVELS = "no bearing has a strength"
 
 
-def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
+def _usable_receivers(stations: Stations, model: Model) -> tuple[Strengths, ...]:
     """Receivers that never turned, each with the reason if its levels cannot be used here."""
     why = None
     if model.hills is not None:

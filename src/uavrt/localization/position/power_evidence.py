@@ -133,7 +133,7 @@ class PowerEvidence:
         return fit_each([self], east_m, north_m)[0]
 
     def fitted(self, seen: "PulseGeometry") -> PowerFit:
-        """Fit level and exponent at places whose geometry is given."""
+        """Fit level and exponent at places, given their geometry to the pulses."""
         count = int(self._heard.sum())
         loss, gain = self._propagated(seen, self.used)
         heard = self._over_mean(self.used[:count], loss[:, :count], gain[:, :count])

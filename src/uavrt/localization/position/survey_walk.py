@@ -193,7 +193,7 @@ def _best(
 
 
 def _fading_db(moved: _Moved, peak: _Peak) -> float:
-    """Scatter of the powers about the fit [dB], as if pulses were independent."""
+    """Standard deviation of fading [dB] by the scatter about the fit and its correlation."""
     evidence = moved.evidence(peak.velocity)
     east, north = np.array([peak.place[0]]), np.array([peak.place[1]])
     fit = evidence.fit(east, north)

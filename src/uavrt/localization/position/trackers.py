@@ -218,7 +218,7 @@ class _Remembered:
 
 
 class _MotionModel:
-    """Motion model: hypotheses rest, walk randomly or travel, and change between these."""
+    """Motion of hypotheses: they rest, walk randomly or travel, and change between these."""
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:
         self._prior, self._rng = prior, rng
@@ -247,7 +247,7 @@ class _MotionModel:
             loss_error=(
                 np.empty((count, 0), np.float32)
                 if prior.hills is None
-                else LossError.unlearnt(count).columns()
+                else LossError.before_pulses(count).columns()
             ),
             mean_db=np.full(count, level, np.float32),
             variance_db2=np.full(count, variance, np.float32),
