@@ -39,9 +39,9 @@ def _ready(name: str, what: str) -> None:
     Parameters
     ----------
     directory
-        What uavrt batch wrote.
+        Directory that uavrt batch wrote.
     as_json
-        One object for each line.
+        Print one JSON object per line.
     """
     archive.command(command, name=name, help_epilogue=examples(f"archive {name}"))
 
@@ -59,20 +59,20 @@ def query(
     overwrite: bool = False,
     as_json: AsJson = False,
 ) -> None:
-    """Ask in SQL, over the tables pulses and recordings.
+    """Query the archive in SQL, over the tables pulses and recordings.
 
     Parameters
     ----------
     directory
-        What uavrt batch wrote.
+        Directory that uavrt batch wrote.
     sql
         An SQL query, in DuckDB's dialect.
     output
-        Write the answer to a .parquet or .csv file instead of the terminal.
+        Write the result to a .parquet or .csv file instead of the terminal.
     overwrite
         Replace that file if it exists.
     as_json
-        One object for each line.
+        Print one JSON object per line.
     """
     if output is not None:
         if output.suffix not in (".parquet", ".csv"):
@@ -112,7 +112,7 @@ def export(
     Parameters
     ----------
     directory
-        What uavrt batch wrote.
+        Directory that uavrt batch wrote.
     output
         Directory for the files: a folder for each flight, and the GeoParquet files.
     formats

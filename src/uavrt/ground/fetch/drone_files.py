@@ -27,9 +27,9 @@ PING_S = 0.25
 
 
 class DroneFiles:
-    """Links to the drone for files only.
+    """Links to the drone that transfer only files.
 
-    Of several, the quickest is used, and the next one when it does not answer.
+    The fastest of several links is used, and the next one if it does not answer.
 
     ::
 

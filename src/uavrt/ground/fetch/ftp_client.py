@@ -29,7 +29,7 @@ REPLY_NS = ns_from_s(1.5)
 reply by less."""
 TRIES = 10
 BURST_GAP_NS = ns_from_s(2.0)
-"""Silence after which a burst is taken as finished [ns]."""
+"""Silence after which a burst counts as finished [ns]."""
 BURST_NS = ns_from_s(20.0)
 """Longest duration of a burst [ns]; the part received until then is kept."""
 BURST_BYTES = 1 << 20
