@@ -422,7 +422,7 @@ def _print_similar_tags(found: "Sequence[Tag]") -> Iterator[str]:
     from uavrt.config.code_rules import words_of_near_codes
     from uavrt.config.settings import DetectionSettings
     from uavrt.config.tag_bands import tags_by_band
-    from uavrt.detection.track.senders import part, small_ratio
+    from uavrt.detection.track.senders import interval_separation, small_ratio
 
     window_hz = DetectionSettings().frequency_window_hz
     yield from words_of_near_codes(found, window_hz)
@@ -432,7 +432,7 @@ def _print_similar_tags(found: "Sequence[Tag]") -> Iterator[str]:
                 continue
             if (ratio := small_ratio(one, two)) is not None:
                 yield _at_a_ratio(one, two, ratio)
-            parting = part(one, two)
+            parting = interval_separation(one, two)
             if parting.certain and parting.pulses is not None:
                 continue
             gap_ms = 1e3 * parting.gap_s

@@ -128,10 +128,10 @@ def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
     east, north = plane.to_local(*np.array(places).T)
     area = SearchArea(
         search=Polygon.rectangle(-1e5, 1e5, -1e5, 1e5),
-        voids=excluded_areas(order, Limits(), plane),
+        excluded=excluded_areas(order, Limits(), plane),
         margin_m=SAFETY.margin_m,
     )
-    reason = area.entered(np.asarray(east), np.asarray(north))
+    reason = area.entered_area(np.asarray(east), np.asarray(north))
     if reason is not None:
         raise PlanError(
             f"the path {reason}", remedy="Draw the area next to it, or in two parts"

@@ -265,7 +265,7 @@ def area_of(
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
         fence=_fence(limits),
-        voids=excluded_areas(order, limits, plane),
+        excluded=excluded_areas(order, limits, plane),
         within=_within(limits, plane),
         margin_m=SAFETY.margin_m,
         straight_home=True,
@@ -288,20 +288,20 @@ def check_keep_out(
         return
     area = SearchArea(
         search=_fence(limits),
-        voids=voids,
+        excluded=voids,
         within=within,
         margin_m=SAFETY.margin_m,
         straight_home=True,
     )
     area.check_home()
     x, y = np.array(_local(plane, places)).T
-    reason = area.entered(x[:1], y[:1])
+    reason = area.entered_area(x[:1], y[:1])
     if reason is not None:
         raise PlanError(
             f"from the drone's position, a path {reason}",
             remedy="Fly it away from there by hand",
         )
-    reason = area.entered(x, y)
+    reason = area.entered_area(x, y)
     if reason is not None:
         raise PlanError(
             f"the path {reason}",
