@@ -63,7 +63,7 @@ class DetectorBank:
         self._group = DetectorGroup(self._receiver)
         self._coded: dict[int, CodedDetector] = {}
         self._bursts: list[Pulse] = []
-        self._watch = HangWatch(lambda: self._group.in_hand)
+        self._watch = HangWatch(lambda: self._group.last_searched)
         self._clipped = ClippedTimes()
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
         """Clipped times of the last block; the same for all channels of a radio block."""
@@ -152,13 +152,13 @@ class DetectorBank:
             with self._watch:
                 yield
         except Exception as error:
-            tags = [detector.tag.tag_id for detector in self._group.in_hand]
+            tags = [detector.tag.tag_id for detector in self._group.last_searched]
             log.exception("search failed", tags=tags)
             self._restart(error)
 
     def _restart(self, error: Exception) -> None:
         """Rebuild all detectors after a failure; leave out a tag that failed twice."""
-        suspects = [detector.tag for detector in self._group.in_hand]
+        suspects = [detector.tag for detector in self._group.last_searched]
         self.failures += 1
         # Which of several failed shows when each is searched alone; otherwise all are left out.
         if len(suspects) == 1 or all(tag.tag_id in self._alone for tag in suspects):

@@ -1,7 +1,7 @@
 """Abort a search that hangs, and identify its tag.
 
-A timer of processor time checks which tag is being processed (`DetectorGroup.in_hand`); the
-same step at several checks in a row is a hang. An exception ends it and the process continues,
+A timer of processor time checks which tag is processed (`DetectorGroup.last_searched`); one
+step at several checks in a row is a hang. An exception ends it and the process continues,
 whereas the supervisor would kill it without knowing the tag. Processor time excludes a stopped
 process or computer. A hang inside one library call is left to the supervisor.
 """
