@@ -19,9 +19,9 @@ from uavrt.errors import ConfigError, PlanError, UavrtError
 from uavrt.foreign import SHAPES, read_file
 from uavrt.geodesy import distance_m
 from uavrt.guidance.area_text import keep_out_in
+from uavrt.guidance.autopilot_behaviour import behaviour_of
+from uavrt.guidance.energy_learning import EnergyLearning
 from uavrt.guidance.ground import GroundAround
-from uavrt.guidance.lessons import Lessons
-from uavrt.guidance.manners import manners_of
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
@@ -188,17 +188,17 @@ class _Planning:
 def _plan(asked: _Asked) -> _Planned:
     """Plan the order from the vehicle's state at its arrival."""
     guidance, order, now = asked.settings.guidance, asked.order, asked.now
-    manners = manners_of(asked.vehicle.autopilot)
+    behaviour = behaviour_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
     limits = fenced(replace(limits_of(guidance), ground=ground), asked.fence)
     seeker = None
     if order.action == "search":
         hills = hills_of(guidance, now.home)
         equipment = replace(equipment_of(asked.settings), hills=hills)
-        seeker = Seeker(order, asked.tags, now, limits, manners, equipment)
+        seeker = Seeker(order, asked.tags, now, limits, behaviour, equipment)
         plan = seeker.plan
     else:
-        plan = plan_of(order, now, limits, manners)
+        plan = plan_of(order, now, limits, behaviour)
         order = replace(order, height_m=_height_m(order, now))
     unknown = "" if asked.fence is not None else "; own fence not known"
     return _Planned(
@@ -242,7 +242,7 @@ class Guide:
         self._frame = frame
         self._in_background, self._make_thinker = in_background, thinker
         guidance = frame.assignment.settings.guidance
-        self._lessons = Lessons(guidance.hover_w, guidance.battery_wh)
+        self._energy_learning = EnergyLearning(guidance.hover_w, guidance.battery_wh)
         """Learnt power of flight, over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
@@ -310,7 +310,7 @@ class Guide:
         fault = vehicle.takeoff_fault if taking_off else vehicle.fault
         if fault is not None:
             raise UavrtError(fault)
-        manners_of(vehicle.autopilot)
+        behaviour_of(vehicle.autopilot)
         now = self._now(vehicle, monotonic_s())
         if now is None:
             raise UavrtError("the vehicle has no position or no home", remedy="Wait for it")
@@ -376,7 +376,7 @@ class Guide:
     def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
         """Vehicle state, with the power learnt from its battery."""
         now = now_of(vehicle, now_s)
-        return None if now is None else self._lessons.taught(now)
+        return None if now is None else self._energy_learning.learn(now)
 
     def _wish(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
         """Request the motion that is due, while the offered order is the confirmed one."""
@@ -442,14 +442,14 @@ class Guide:
             self._shared.check(now, _height_m(pilot.order, now))
             seeker.check(now)
             return pilot
-        plan = plan_of(pilot.order, now, offered.limits, manners_of(vehicle.autopilot))
+        plan = plan_of(pilot.order, now, offered.limits, behaviour_of(vehicle.autopilot))
         return Pilot(pilot.order, plan, offered.limits)
 
     def _report_course(self, now: VehicleNow, now_s: float) -> None:
         """Report our course, while a ground station passes it on."""
         shared, pilot = self._shared, self._pilot
         every_s = ASKING_S if shared.waits else COURSE_S
-        if not shared.speaks(now_s) or now_s - self._course_s < every_s:
+        if not shared.must_report(now_s) or now_s - self._course_s < every_s:
             return
         self._course_s = now_s
         height, searching = None, self._thinker is not None and pilot is not None
@@ -465,7 +465,7 @@ class Guide:
     def _search(self, thinker: Thinker, pilot: Pilot, now: VehicleNow) -> None:
         """Give the search the drone's position, and process its decisions."""
         time_ns = self._frame.clock.now_ns()
-        pilot.among = self._shared.has_others(now.time_s)
+        pilot.shared = self._shared.has_others(now.time_s)
         thinker.place(time_ns, now)
         for thought in thinker.thoughts():
             match thought:
@@ -477,7 +477,7 @@ class Guide:
         if shared.waits:
             self._await_way(thinker, pilot, now)
         elif now.began and pilot.ended is None and thinker.is_time(now, idle=pilot.idle):
-            others = shared.thinks(now.time_s)
+            others = shared.begin_decision(now.time_s)
             thinker.ask(time_ns, now, idle=pilot.idle, others=others)
 
     def _choose(self, choice: Choice, pilot: Pilot, now: VehicleNow) -> None:
@@ -554,8 +554,8 @@ class Guide:
             "orders_flown": self.flown,
             "search_decisions": self.decisions,
             "ways_not_given": self.ways_not_given,
-            "lessons_of_power": self._lessons.learnt,
-            "hover_w": round(self._lessons.energy.power_w(0.0)),
+            "lessons_of_power": self._energy_learning.learnt,
+            "hover_w": round(self._energy_learning.energy.power_w(0.0)),
             "others_told": len(self._shared.others(monotonic_s())),
         }
 

@@ -86,7 +86,7 @@ class Mission:
 
     def forget(self) -> None:
         """Remove the saved state after an end in good order."""
-        self._store.forget()
+        self._store.remove()
 
     def _save(self) -> None:
         flights = self.flights
