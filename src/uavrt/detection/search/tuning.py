@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GridTuning:
+class SpectrogramTuning:
     """Constants of the spectrogram of a narrow band."""
 
     blas_product: int = 200_000
@@ -62,7 +62,7 @@ class NoiseTuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LevelTuning:
+class NoiseLevelTuning:
     """Constants for following sudden changes of the noise, in slots of half a pulse."""
 
     most_power: float = 4.0
@@ -258,9 +258,9 @@ class MeasureTuning:
     """Distance of lost samples within which the phase of a pulse may break [s]."""
 
 
-GRID = GridTuning()
+GRID = SpectrogramTuning()
 NOISE = NoiseTuning()
-LEVEL = LevelTuning()
+LEVEL = NoiseLevelTuning()
 GROUPS = GroupTuning()
 THRESHOLDS = ThresholdTuning()
 NULL = NullTuning()

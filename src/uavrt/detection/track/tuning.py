@@ -89,7 +89,7 @@ class BoundTuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BurstTuning:
+class BurstRateTuning:
     """Constants for counting bursts of other transmitters."""
 
     noise_sigmas: float = 3.0
@@ -298,7 +298,7 @@ class SenderTuning:
 BAND = BandTuning()
 JUDGE = JudgeTuning()
 BOUNDS = BoundTuning()
-BURSTS = BurstTuning()
+BURSTS = BurstRateTuning()
 CHANCE = ChanceTuning()
 FOLLOW = FollowTuning()
 RATES = RateTuning()
