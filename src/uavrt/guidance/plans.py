@@ -19,10 +19,24 @@ from uavrt.planning.vehicle import Multirotor, VehicleState, Wind, headwind
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
-_CORNERS = 36
-_FASTEST_TURN_DEG_S = 45.0
-_MOST_ORDER_TURNS, _MOST_LINES = 60, 200
-_SURE_CLIMB_M_S = 1.5
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanLimits:
+    """Limits of planned orders."""
+
+    circle_corners: int = 36
+    """Corners of the polygon that stands for an excluded circle."""
+    fastest_turn_deg_s: float = 45.0
+    """Fastest turn in place; the antenna must receive pulses in all directions."""
+    most_turns: int = 60
+    """Largest number of turns in place in one order."""
+    most_lines: int = 200
+    """Largest number of parallel lines in one survey."""
+    sure_climb_m_s: float = 1.5
+    """Climb rate that every autopilot reaches, for the duration of a climb."""
+
+
+_LIMITS = PlanLimits()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +148,7 @@ def _takeoff(
             "the drone is beyond the fence",
             remedy="Widen guidance.fence_m, or carry the drone closer",
         )
-    duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _SURE_CLIMB_M_S
+    duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _LIMITS.sure_climb_m_s
     check_battery(now, limits, duration, here, height)
     first = (Ready(),) if behaviour.own_mode_first else ()
     return Plan(
@@ -178,7 +192,7 @@ def _turn_steps(
     height: float,
 ) -> tuple[tuple[Step, ...], float]:
     """Steps of a whole turn at a position, and its duration [s]."""
-    least = 360.0 / _FASTEST_TURN_DEG_S
+    least = 360.0 / _LIMITS.fastest_turn_deg_s
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
             f"a whole turn cannot take {order.duration_s:g} s",
@@ -213,7 +227,7 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
             f"the line spacing of {order.spacing_m:g} m is out of range",
             remedy="Give 5 to 1000 m",
         )
-    lines = survey_lines(outline, order.spacing_m, most=_MOST_LINES)
+    lines = survey_lines(outline, order.spacing_m, most=_LIMITS.most_lines)
     if order.pattern == "points":
         lines = _points_on(lines, order.spacing_m)
     return tuple(_geodetic(plane, one) for one in lines)
@@ -223,7 +237,7 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     """Positions along lines, each in the middle of its share; `PlanError` for too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
-    if sum(counts) > _MOST_ORDER_TURNS:
+    if sum(counts) > _LIMITS.most_turns:
         raise PlanError(
             f"{sum(counts)} positions to turn at are too many",
             remedy="Choose a wider distance or a smaller area",
@@ -385,7 +399,7 @@ def _excluded(one: KeepOut, plane: TangentPlane) -> Circle | Polygon:
 
 
 def _fence(limits: Limits) -> Polygon:
-    angles = [2.0 * pi * n / _CORNERS for n in range(_CORNERS)]
+    angles = [2.0 * pi * n / _LIMITS.circle_corners for n in range(_LIMITS.circle_corners)]
     corners = tuple((limits.fence_m * sin(a), limits.fence_m * cos(a)) for a in angles)
     return Polygon(corners=corners, name="fence")
 
