@@ -242,7 +242,7 @@ def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
     entities or beyond the limit, `xml.etree.ElementTree.ParseError` if it is no XML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ValueError("it declares XML entities, which no such file needs")
+        raise ValueError("it declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} characters")
     if text.count("<") + text.count("=") > 2 * limit.values:

@@ -47,9 +47,7 @@ class Registry(Mapping[str, T], Generic[T]):
             The name is one of ours.
         """
         if name in self._own:
-            raise ConfigError(
-                f"{name!r} is a name of uavrt's own", remedy="Choose another name"
-            )
+            raise ConfigError(f"{name!r} is reserved by uavrt", remedy="Choose another name")
         self._loaded[name] = thing
 
     def __contains__(self, name: object) -> bool:

@@ -44,7 +44,7 @@ def test_pulses_go_on_to_the_ground_and_the_operator_is_told(
     ground.listen(
         lambda: len(ground.pulses) >= 5,
         lambda: any("Memory card: read-only" in text for text in ground.texts),
-        lambda: any("not recorded" in text for text in ground.texts),
+        lambda: any("cannot write the flight" in text for text in ground.texts),
     )
     now = next(s for s in statuses(drone) if s["recorder"].status == "cannot write the flight")
     assert not now["recorder"].ok
@@ -60,7 +60,7 @@ def test_pulses_go_on_to_the_ground_and_the_operator_is_told(
     ground = Listening(next_day)
     ground.listen(
         lambda: len(ground.pulses) >= 3,
-        lambda: any("not recorded" in text for text in ground.texts),
+        lambda: any("cannot write the flight" in text for text in ground.texts),
     )
     next_day.supervisor.stop()
     assert next_day.supervisor.exit_code == 0

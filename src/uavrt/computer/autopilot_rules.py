@@ -51,13 +51,13 @@ def serial_number(port: str) -> int:
     if port in ARDUPILOT_PORTS:
         return ARDUPILOT_PORTS[port]
     known = [*ARDUPILOT_PORTS, *(f"SERIAL{n}" for n in ARDUPILOT_SERIALS)]
-    raise ConfigError(f"no port {port}", remedy=f"Choose from {', '.join(known)}")
+    raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(known)}")
 
 
 def px4_port(port: str) -> tuple[int, str]:
     """Get PX4's number and short name of a port; raises `ConfigError`."""
     if port not in PX4_PORTS:
-        raise ConfigError(f"no port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
+        raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
     return PX4_PORTS[port]
 
 

@@ -274,7 +274,7 @@ class FirstSetup:
     def _require_wanted(self) -> None:
         if not self.wanted:
             raise UsageError(
-                "this computer has been set up",
+                "this computer is already set up",
                 remedy=f"Remove the file {DONE} next to its settings to repeat the set-up",
             )
 

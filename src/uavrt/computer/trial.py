@@ -165,7 +165,7 @@ def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Nee
         )
     if needs.poses and seen.status_s is not None and "poses" in seen.missing(needs, now_s):
         raise UsageError(
-            "there are no poses by which the new version could be tried: nothing was changed",
+            "no poses arrive, so the new version cannot be tested: nothing was changed",
             remedy="Take the drone under the open sky, or give --bench",
         )
     return needs

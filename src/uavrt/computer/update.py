@@ -50,7 +50,7 @@ def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update
     update = read_update(path, place.keys)
     if place.before() is not None:
         text = "the version before is still on trial"
-        raise UsageError(text, remedy="Let that end first: uavrt update --resume")
+        raise UsageError(text, remedy="Wait for its end: uavrt update --resume")
     present = place.current()
     if present.name == update.name:
         raise UsageError(f"this build of {update.version} is already installed")
@@ -58,7 +58,7 @@ def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update
     if version_key(update.version) <= version_key(version) and not downgrade:
         raise UsageError(
             f"{update.version} is not newer than {version}, which is installed",
-            remedy="--downgrade installs it nevertheless",
+            remedy="To install it anyway, give --downgrade",
         )
     _require_room(place, present)
     return update
@@ -73,7 +73,7 @@ def _require_room(place: Installation, present: Path) -> None:
     if free_mb < needed_mb:
         raise UsageError(
             f"{free_mb:.0f} MB are free at {place.prefix}, an update needs {needed_mb:.0f}",
-            remedy="Make room: fetch the flights and remove some",
+            remedy="Free some space: fetch the flights and remove some",
         )
 
 
@@ -151,7 +151,7 @@ def _require_libraries(made: Path, update: Update) -> None:
     if lacks:
         raise UsageError(
             f"{update.version} needs other libraries: {lacks[0]}",
-            remedy="Take the .tar, which has them (deploy/make-update.py)",
+            remedy="Use the .tar, which contains them (deploy/make-update.py)",
         )
 
 
@@ -192,8 +192,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
         said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
         raise UsageError(
             f"{version} does not start here: {said[-1]}",
-            remedy="The previous version goes on; report this, and see whether a setting in "
-            "uavrt.toml is the reason",
+            remedy="The previous version stays in use; check uavrt.toml, or report this",
         )
 
 

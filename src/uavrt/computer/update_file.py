@@ -133,7 +133,7 @@ def read_update(path: Path, keys: Path) -> Update:
 
 def _read_wheel(path: Path, keys: Path) -> Update:
     if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
-        raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
+        raise FormatError(f"{path} does not have the name of a uavrt wheel", remedy=COPY_AGAIN)
     content = read_file(path, Limit(what="a wheel", bytes=MOST_WHEEL_BYTES))
     signature_path = path.with_name(f"{path.name}.sig")
     try:
@@ -251,7 +251,7 @@ def _manifest(text: bytes, path: Path) -> Manifest:
         text_ = f"{path} is an update of format {manifest.format}; this version knows {FORMAT}"
         raise FormatError(text_, remedy="Update to a version in between first")
     if not all(_WHEEL.fullmatch(wheel.name) for wheel in manifest.files):
-        raise FormatError(f"{path}: {MANIFEST} names files that are no wheels")
+        raise FormatError(f"{path}: {MANIFEST} lists files that are not wheels")
     if manifest.keys is not None and not split_keys(manifest.keys):
         raise FormatError(f"{path}: its new keys are invalid")
     version_key(manifest.version)
@@ -291,7 +291,7 @@ def _trusted(keys: Path) -> list[str]:
         mode = stat.S_IMODE(keys.stat().st_mode)
     if mode & 0o022:
         remedy = f"sudo chmod 644 {keys}, after a look at who wrote to it"
-        raise UsageError(f"users other than root may change {keys}", remedy=remedy)
+        raise UsageError(f"users other than root can write to {keys}", remedy=remedy)
     if not trusted:
         remedy = "A public key begins with -----BEGIN PUBLIC KEY-----"
         raise UsageError(f"there is no key in {keys}", remedy=remedy)

@@ -137,7 +137,7 @@ def version_of(environment: Path) -> str:
     for place in environment.glob("lib/python3*/site-packages"):
         for found in distributions(name="uavrt", path=[str(place)]):
             return found.version
-    raise UsageError(f"there is no uavrt in {environment}", remedy="Run deploy/install.sh")
+    raise UsageError(f"uavrt is not installed in {environment}", remedy="Run deploy/install.sh")
 
 
 def _target(link: Path, prefix: Path) -> Path:

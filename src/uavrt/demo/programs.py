@@ -196,7 +196,7 @@ class Program:
             words = self.last_line()
             raise UavrtError(
                 f"{self.name} ended (exit {self.exit_code})" + (f": {words}" if words else ""),
-                remedy=f"All that it said is in {self.log}",
+                remedy=f"Its output is in {self.log}",
             )
 
     def last_line(self) -> str:

@@ -55,7 +55,7 @@ def search_world(
             raise UsageError(
                 f"tag {tag.tag_id} is {away_m:.0f} m from home, the demo's search covers "
                 f"{RADIUS_M:.0f} m",
-                remedy="Put it nearer in the scenario, or say listed = false",
+                remedy="Put it nearer in the scenario, or set listed = false",
             )
     return searched_scenario(scenario, limit_s + AFTER_S)
 
@@ -63,13 +63,13 @@ def search_world(
 def _of_file(file: Path, seed: int | None, coded: bool) -> Scenario:
     if coded:
         raise UsageError(
-            "--coded adds tags to the built-in world, and --scenario is another",
-            remedy="Give the scenario's tags gaps_s, or leave one of the two out",
+            "--coded works only with the built-in world, not with --scenario",
+            remedy="Give the scenario's tags gaps_s, or omit one of the two",
         )
     scenario = load_scenario(file)
     if not scenario.tags:
         raise UsageError(
-            f"{file} has no tag to listen for",
-            remedy="Add a [[tag]], or take listed = false from one",
+            f"{file} has no tag to search for",
+            remedy="Add a [[tag]], or remove listed = false from one",
         )
     return scenario if seed is None else replace(scenario, seed=seed)

@@ -1,7 +1,7 @@
-"""Compares the rate at which samples arrive with the one requested. Pure.
+"""Compares the rate at which samples arrive with the requested rate.
 
-A radio that streams at another rate seems to work and finds nothing. The least delay in each
-0.5 s shows the rate, because a stall does not delay all arrivals, and a loss is a single step.
+A radio that streams at another rate seems to work, but no tag is found. The smallest delay in
+each 0.5 s shows the rate: a stall does not delay all arrivals, and a loss is a single step.
 """
 
 import math
@@ -10,38 +10,39 @@ from itertools import pairwise
 from typing import Final
 
 _STRETCH_S: Final = 0.5
-"""Time over which the least delay is taken [s]."""
+"""Period over which the smallest delay is taken [s]."""
 _STRETCHES: Final = 5
-"""Number of least delays that show a wrong rate, after 2.5 s."""
+"""Number of such periods that are needed to detect a wrong rate, 2.5 s in all."""
 _MOST_OFF: Final = 0.02
-"""Largest difference that is not reported, as a share of the requested rate."""
+"""Largest rate error that is not reported, as a fraction of the requested rate."""
 _SETTLED: Final = 0.01
-"""Difference at which the rate is right again, as a share of the requested rate."""
+"""Rate error below which the rate counts as correct again, as a fraction of the rate."""
 _CATCHES_UP_S: Final = 0.03
-"""Difference to the delay before a pause at which a sender has caught up [s]. It is below the
-change over `_STRETCHES` that is reported."""
+"""Delay above that before a pause at which a sender has caught up [s]. Smaller than the change
+over `_STRETCHES` that is reported."""
 _OTHER: Final = 0.1
-"""Share by which a wrong rate must change to be reported again."""
+"""Relative change of a wrong rate above which it is reported again."""
 
 
 class ArrivalRate:
-    """Monitors one stream of samples of a requested rate."""
+    """Measures the rate of one stream of samples."""
 
     def __init__(self, rate_hz: float) -> None:
         self.wrong_hz: float | None = None
-        """The measured rate while it differs by more than 2 %, else None."""
+        """The measured sample rate while it is wrong by more than 2 % [Hz], otherwise None."""
         self._rate_hz = rate_hz
         self._least_s: deque[float] = deque(maxlen=_STRETCHES)
         self._stretch = 0
         self._now_s = 0.0
         self._first_ns: int | None = None
         self._owed_s = math.inf
-        """Delay before the last pause [s]; until it is reached again, a sender catches up."""
+        """Delay before the last pause [s]; the sender is catching up until it is reached again.
+        """
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the number of samples that had arrived at a time.
+        """Add the number of samples received up to a time.
 
-        `full`: the sender waits for us, so that its pace does not show its rate.
+        `full`: the buffer is full and the sender waits, so its rate cannot be measured.
         """
         if full:
             return

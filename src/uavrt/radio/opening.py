@@ -144,7 +144,7 @@ def open_recording(
         raise FormatError(
             f"{path} says {layout.sample_rate_hz:.0f} samples a second, and --sample-rate "
             f"says {sample_rate_hz:.0f}",
-            remedy="Leave --sample-rate out",
+            remedy="Omit --sample-rate",
         )
     return RecordingSource(layout)
 
@@ -214,5 +214,5 @@ def _guess(path: Path) -> str | None:
 
 def _required(value: float | None, option: str, what: str) -> float:
     if value is None:
-        raise FormatError(f"{what} does not say its {option}", remedy=f"Give --{option}")
+        raise FormatError(f"{what} does not state its {option}", remedy=f"Give --{option}")
     return value

@@ -43,7 +43,7 @@ def sigmf_layout(
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
     if about.get("core:metadata_only") is True or "core:dataset" in about:
-        raise _fault(meta_path, "describes samples that lie elsewhere", "Use a plain recording")
+        raise _fault(meta_path, "describes samples in another file", "Use a plain recording")
     if about.get("core:num_channels", 1) != 1:
         raise _fault(meta_path, "holds several channels", "Split it, one receiver in each")
     sample_format = sigmf_format(_text(about, "core:datatype", meta_path))

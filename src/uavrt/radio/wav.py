@@ -117,7 +117,7 @@ def wav_layout(
         frequency_hz, frequency_from = named.center_frequency_hz, name_says(named, "frequency")
     if frequency_hz is None:
         raise FormatError(
-            f"{path} does not say its radio frequency", remedy="Give --center-frequency"
+            f"{path} does not state its radio frequency", remedy="Give --center-frequency"
         )
     check_rates(float(header.rate_hz), frequency_hz)
     there = size - header.data_start

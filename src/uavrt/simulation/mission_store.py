@@ -14,7 +14,7 @@ from uavrt.mavlink.message import Message
 
 Flavour = Literal["px4", "ardupilot"]
 Place = tuple[int, int]
-ASK_AGAIN_S: dict[Flavour, float] = {"px4": 0.25, "ardupilot": 1.0}
+REQUEST_PERIOD_S: dict[Flavour, float] = {"px4": 0.25, "ardupilot": 1.0}
 GIVE_UP_S: dict[Flavour, float] = {"px4": 5.0, "ardupilot": 8.0}
 ROOM = 500
 KINDS = (MavMissionType.MISSION, MavMissionType.FENCE, MavMissionType.RALLY)
@@ -76,7 +76,7 @@ class MissionStore:
             return
         if now_s - upload.heard_s > GIVE_UP_S[self._flavour]:
             self._upload = None
-        elif now_s - upload.asked_s > ASK_AGAIN_S[self._flavour]:
+        elif now_s - upload.asked_s > REQUEST_PERIOD_S[self._flavour]:
             self._ask(upload, now_s)
 
     def _begin(

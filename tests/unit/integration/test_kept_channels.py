@@ -143,7 +143,7 @@ def test_what_kept_channels_tell_themselves_is_refused(
     assert uavrt("integrate", str(flown), "--sample-rate", "48000") == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "--sample-rate applies to a --recording" in said
-    assert "Leave --sample-rate out" in said
+    assert "Omit --sample-rate" in said
 
 
 def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(

@@ -66,4 +66,4 @@ async def test_poses_by_an_extrapolated_clock_are_marked_and_the_operator_is_war
     marked = [item.pose is not None and item.pose.extrapolated for item in pulse_poses(bay)]
     assert marked == [False, True, False]
     texts = [record.text for _, record in bay.records if isinstance(record, StatusText)]
-    assert [text for text in texts if "times are carried on" in text]
+    assert [text for text in texts if "times are extrapolated" in text]

@@ -421,5 +421,5 @@ def test_any_damage_to_a_wav_header_is_read_or_refused(
 def test_a_rate_that_contradicts_the_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.wav"
     path.write_bytes(wav(bytes(400)))
-    with pytest.raises(FormatError, match="Leave --sample-rate out"):
+    with pytest.raises(FormatError, match="Omit --sample-rate"):
         open_recording(path, sample_rate_hz=3e6, center_frequency_hz=CENTER_HZ)

@@ -135,7 +135,7 @@ def test_without_any_tags_the_parameter_is_refused_with_the_remedy(tmp_path: Pat
     operator = Operator(tmp_path, RADIO)
     reply = operator.set("DET_RUN", 1)
     assert not reply.accepted
-    assert reply.message == "no tags are known: send them once with uavrt ground"
+    assert reply.message == "no tags known: send them once with uavrt ground"
     assert operator.mission.state is SystemState.IDLE
     assert operator.set("DET_RUN", 0).accepted
     assert operator.flights == []
