@@ -28,7 +28,7 @@ from uavrt.processes.beep_listener import BeepListener
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
 from uavrt.radio.channel_output import ChannelOutput
-from uavrt.radio.devices import unchosen
+from uavrt.radio.devices import ambiguous_radios
 from uavrt.radio.opening import open_radio
 from uavrt.radio.sanity import SampleCheck
 from uavrt.radio.source import SampleSource
@@ -324,7 +324,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
             raise UavrtError("the receiver was started without a flight")
         receiver: Receiver | Capture
         receiver = kind(frame, flight) if flight.capture_s is None else Capture(frame, flight)
-        if (several := unchosen(receiver.radio)) is not None:
+        if (several := ambiguous_radios(receiver.radio)) is not None:
             frame.notify(4, f"{several[0]}. {several[1]}")
         last_failure_s, last_reason = -RETRY_WINDOW_S, ""
         try:

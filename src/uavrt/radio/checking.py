@@ -8,14 +8,14 @@ from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioAmbiguous, RadioStopped
 from uavrt.radio.answers import stalled
-from uavrt.radio.devices import unchosen
+from uavrt.radio.devices import ambiguous_radios
 from uavrt.radio.opening import open_radio
 from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
 """Largest fraction of lost samples that is not reported."""
-_LASTS_S: Final = 2.8
+_DURATION_S: Final = 2.8
 """Duration of the check [s]; enough to measure the sample rate (`uavrt.radio.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
 """Frequency of the check if the settings leave it to the tags [Hz]."""
@@ -28,7 +28,7 @@ def check_device(settings: RadioSettings) -> str:
     at its rate; `RadioAmbiguous` if several radios match the settings; `ConfigError` for
     invalid settings.
     """
-    if (several := unchosen(settings)) is not None:
+    if (several := ambiguous_radios(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)
     title = settings.kind if row is None else row.title
@@ -47,7 +47,7 @@ def check_device(settings: RadioSettings) -> str:
                 check.look(block)
                 received += len(block.samples)
                 lost += block.lost_before - block.unsure_before
-                end_s = min(end_s, monotonic_s() + _LASTS_S)
+                end_s = min(end_s, monotonic_s() + _DURATION_S)
             elif monotonic_s() > begun_s + _PATIENCE_S:
                 raise stalled(title)
         if (fault := getattr(source, "rate_fault", None)) is not None:

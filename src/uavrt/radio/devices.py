@@ -31,7 +31,7 @@ def usb_radios() -> list[UsbRadio]:
     return list(_found())
 
 
-def unchosen(settings: RadioSettings) -> tuple[str, str] | None:
+def ambiguous_radios(settings: RadioSettings) -> tuple[str, str] | None:
     """Text and remedy if several radios match the settings; otherwise None."""
     if settings.program or settings.serial or settings.kind not in RADIOS:
         return None
