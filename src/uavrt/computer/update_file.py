@@ -58,29 +58,29 @@ class Wheel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Contents of an update, as it declares them."""
+    """Manifest of an update: version, wheels and keys."""
 
     format: int
     version: str
     files: Annotated[tuple[Wheel, ...], msgspec.Meta(min_length=1, max_length=500)]
     keys: str | None = None
-    """Public keys that replace the previous ones; None: unchanged."""
+    """New public keys that replace the previous ones; None: unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Update:
-    """An update whose signature is good."""
+    """An update with a valid signature."""
 
     path: Path
     version: str
     name: str
-    """Version and the first digits of its hash: two builds of a version differ."""
+    """Version and first digits of its hash; two builds of a version differ."""
     alone: bool
-    """Whether it has no libraries of its own."""
+    """True if it contains no libraries."""
     manifest: Manifest | None
     """None for a wheel alone."""
     content: bytes | None = None
-    """Signed bytes of a wheel alone, which do not change with the file."""
+    """Signed bytes of a single wheel, read once so that the file cannot change."""
 
 
 def version_key(version: str) -> tuple[object, ...]:
@@ -110,10 +110,10 @@ def version_key(version: str) -> tuple[object, ...]:
 
 
 def read_update(path: Path, keys: Path) -> Update:
-    """Read an update once its signature is verified; nothing is unpacked.
+    """Read an update and verify its signature; nothing is unpacked.
 
-    `path`: the ``.tar`` or ``.whl``. `keys`: file of the valid public keys. Raises
-    `FormatError` if it is damaged or no update, `UsageError` if no valid key has signed it.
+    `path`: the ``.tar`` or ``.whl``. `keys`: file of the accepted public keys. Raises
+    `FormatError` if it is damaged or no update, `UsageError` if no accepted key has signed it.
     """
     with os_errors_as(UsageError, f"{path} cannot be read"):
         if path.suffix == ".whl":
@@ -151,7 +151,7 @@ def _read_wheel(path: Path, keys: Path) -> Update:
 
 
 def _wheel_version(content: bytes, path: Path) -> str:
-    """Read a wheel's version from its metadata; its name, which is not signed, must agree."""
+    """Read a wheel's version from its metadata, which must agree with the file name."""
     named = path.name.split("-")[1]
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -173,7 +173,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
-    """Write the wheels of a ``.tar``; raises `FormatError` for one that is not as signed."""
+    """Write the wheels of a ``.tar``; raises `FormatError` if one differs from the manifest."""
     assert update.manifest is not None
     with _opened(update.path) as archive:
         for wheel in update.manifest.files:
@@ -198,10 +198,10 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _check_headers(path: Path) -> None:
-    """Refuse impossible sizes; `tarfile` reads names and tables whole, whatever their size.
+    """Reject impossible sizes; `tarfile` reads names and tables whole, whatever their size.
 
-    Blocks of 512 bytes (POSIX.1-2017, pax): the size of what follows in octal at 124, its kind
-    at 156; sizes beyond the file and invalid names are refused.
+    Blocks of 512 bytes (POSIX.1-2017, pax): at 124 the size of the content in octal, at 156 its
+    kind. Sizes beyond the file and invalid names are rejected.
     """
     there = path.stat().st_size
     at = 0
@@ -259,12 +259,12 @@ def _manifest(text: bytes, path: Path) -> Manifest:
 
 
 def split_keys(text: str) -> list[str]:
-    """Get the public keys of a text: its PEM blocks."""
+    """Separate the public keys of a text: its PEM blocks."""
     return _KEY.findall(text)
 
 
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
-    """Raise `UsageError` unless a key that only its owner may change has signed the content."""
+    """Raise `UsageError` unless a key that only root can write has signed the content."""
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:
         with tempfile.TemporaryDirectory(prefix="uavrt-update-") as name:
