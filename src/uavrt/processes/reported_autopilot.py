@@ -79,5 +79,5 @@ class ReportedAutopilot:
         return self._battery_percent if now_s - self._battery_s <= BATTERY_AGE_S else None
 
     def wind_m_s(self, now_s: float) -> tuple[float, float] | None:
-        """Wind to north and east; None if not reported for `WIND_AGE_S`."""
+        """Wind velocity to east and north [m/s]; None if older than `WIND_AGE_S`."""
         return self._wind_m_s if now_s - self._wind_s <= WIND_AGE_S else None

@@ -143,7 +143,7 @@ def test_what_kept_channels_tell_themselves_is_refused(
     assert uavrt("integrate", str(flown), "--sample-rate", "48000") == 2
     said = " ".join(capsys.readouterr().err.split())
     assert "--sample-rate applies to a --recording" in said
-    assert "Omit --sample-rate" in said
+    assert "Leave --sample-rate out" in said
 
 
 def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(
@@ -254,7 +254,7 @@ def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Pat
 
 def test_pieces_of_different_channels_are_not_joined(flown: Path) -> None:
     first, second = kept_channels(flown)
-    with pytest.raises(FormatError, match="not of one channel"):
+    with pytest.raises(FormatError, match="differ in sample rate"):
         JoinedRecording((first.paths[0], second.paths[0]))
 
 
