@@ -41,7 +41,6 @@ class Card:
     written_gb: float | None
     """Amount of data ever written [GB]."""
     life_used_tenths: int | None
-    """Used life of an eMMC [tenths]; None if not reported."""
 
     def faults(self) -> list[str]:
         """Faults as texts; empty if there are none."""
@@ -96,7 +95,6 @@ def _takes_nothing(directory: Path) -> bool:
 
 
 def _mounts() -> Iterator[tuple[str, str, str]]:
-    """Device, mount point and type of file systems, in the order of mounting (proc(5))."""
     with suppress(OSError):
         for line in MOUNTS.read_text(encoding="utf-8", errors="replace").splitlines():
             device, where, kind, *_ = line.split(" ")

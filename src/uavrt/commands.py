@@ -137,7 +137,6 @@ class Button:
     """The command's button on the ground station's page."""
 
     action: str
-    """Label of the button."""
     label: str
     asking: str = ""
     """Text while a command that is only its number waits for its answer."""
@@ -325,7 +324,6 @@ _ROWS = (
     ),
 )
 COMMANDS: dict[CommandName, CommandRow] = {row.name: row for row in _ROWS}
-"""All commands by name."""
 COMMAND_OF_NUMBER: dict[int, CommandRow] = {
     row.number: row for row in _ROWS if row.number is not None
 }

@@ -30,7 +30,6 @@ CPU_S = 2
 MEMORY_BYTES = 200_000_000
 """Memory limit for reading one foreign input."""
 MOST_FAULTS = 50
-"""Largest number of listed faults of one file."""
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
@@ -50,7 +49,6 @@ class Limit:
     values: int = 100_000
     """Largest number of elements, objects, lists and members in total."""
     depth: int = 32
-    """Largest depth of nesting."""
 
     def check_size(self, size: int, name: object) -> None:
         """Raise `FormatError` if a size exceeds the limit."""

@@ -15,7 +15,6 @@ SEMI_MAJOR_M = 6_378_137.0
 FLATTENING = 1.0 / 298.257_223_563
 SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
-"""Square of the ellipsoid's first eccentricity."""
 SECOND_ECCENTRICITY2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
 
 _N = FLATTENING / (2.0 - FLATTENING)
@@ -147,7 +146,6 @@ def _inverse_utm(easting_m: float, northing_m: float) -> tuple[float, float]:
 
 
 def _zone(latitude_deg: float, longitude_deg: float) -> int:
-    """UTM zone of a position, with the exceptions of Norway and Svalbard."""
     if 56.0 <= latitude_deg < 64.0 and 3.0 <= longitude_deg < 12.0:
         return 32
     if latitude_deg >= 72.0 and 0.0 <= longitude_deg < 42.0:

@@ -68,7 +68,6 @@ def heap_of_short_arrays() -> None:
 
 
 def _find_trim() -> Callable[[int], int] | None:
-    """Get glibc's function malloc_trim(3); None with another C library."""
     try:
         found: Callable[[int], int] = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):
@@ -77,7 +76,6 @@ def _find_trim() -> Callable[[int], int] | None:
 
 
 def _find_mallopt() -> Callable[[int, int], int] | None:
-    """Get glibc's function mallopt(3); None with another C library."""
     try:
         found: Callable[[int, int], int] = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError, TypeError):

@@ -173,7 +173,6 @@ class Pose:
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
-    """Height above the take-off point [m]."""
     quaternion_wxyz: tuple[float, float, float, float]
     """Unit quaternion, antenna body frame (forward, right, down) to north-east-down."""
     extrapolated: bool = False
@@ -199,7 +198,6 @@ class PositionSample:
     longitude_deg: float
     altitude_amsl_m: float
     altitude_relative_m: float
-    """Height above the take-off point [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,11 +212,11 @@ class BeepKind(StrEnum):
     """How a sender of pulses relates to the list of tags."""
 
     LISTED = "listed"
-    """A listed tag that agrees with its entry."""
+    """A sender that agrees with a listed tag's entry."""
     OFF_LABEL = "off label"
-    """It has a listed tag's interval, but another frequency."""
+    """A sender with a listed tag's interval at another frequency."""
     OTHER_RATE = "other rate"
-    """It has a listed tag's frequency, but another interval."""
+    """A sender at a listed tag's frequency with another interval."""
     MIRRORED = "mirrored"
     """A listed tag on the other side of the centre frequency: I and Q are swapped."""
     UNLISTED = "unlisted"
@@ -363,15 +361,12 @@ class LiveBearing:
 
     tag_id: int
     start_time_ns: int
-    """Start of the turn [ns, UTC]."""
     end_time_ns: int
-    """End of the turn so far [ns, UTC]."""
     turned_deg: float
     latitude_deg: float
-    """Latitude of the turn's position [°]."""
     longitude_deg: float
     bearing_deg: float
-    """Clockwise from true north [°]."""
+    """Bearing clockwise from true north [°]."""
     sigma_deg: float
     interval90_deg: tuple[float, float]
     """Interval with a probability of 90 % [°], clockwise from first to second."""
@@ -486,7 +481,6 @@ class Command:
     """Radio frequency chosen on the ground [Hz]; None: computed from the tags."""
     gain: int | None = None
     parameter: str | None = None
-    """Name of a parameter to set (`uavrt.config.parameters`)."""
     value: float | None = None
     """New value of the parameter; None for commands that set none."""
     source: str = ""
@@ -546,7 +540,6 @@ class FlightInfo:
 
 
 MotionAction = Literal["rotate", "goto", "survey", "hold", "return", "search", "takeoff"]
-"""Motions that can be requested."""
 
 
 SurveyPattern = Literal["lines", "around", "points"]
@@ -591,7 +584,6 @@ class Motion:
     spacing_m: float = 60.0
     """Distance between the lines or points of a survey [m]."""
     pattern: SurveyPattern = "lines"
-    """Pattern of a survey."""
     tags: tuple[int, ...] = ()
     """Numbers of tags to search for; empty: all listed tags."""
     radius_m: float | None = None
@@ -609,7 +601,6 @@ class MotionRequest(Motion):
     request_id: int
     """Number of the request, chosen by the sender."""
     asker: tuple[int, int]
-    """System and component id of the ground station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -677,7 +668,6 @@ class SoughtTag:
 
     tag_id: int
     latitude_deg: float
-    """Latitude of its estimated position, if it is in the area [°]."""
     longitude_deg: float
     radius95_m: float
     existence: float
@@ -685,7 +675,6 @@ class SoughtTag:
     found_s: float | None
     """Time from the start of the search to the find [s]; None: not found yet."""
     pulses: int
-    """Number of received pulses so far."""
     missed: int
     """Number of expected pulses that were not received."""
     likely: tuple[tuple[float, float, float], ...] = ()
@@ -700,12 +689,10 @@ class SearchNote:
     order_id: int
     event: Literal["begun", "decision", "found", "ended"]
     text: str
-    """Short text for the operator."""
     reason: str
     """Reason of the decision, with numbers."""
     elapsed_s: float
     latitude_deg: float
-    """Latitude of the drone [°]."""
     longitude_deg: float
     height_m: float
     """Height of the drone above home [m]."""
@@ -748,7 +735,6 @@ class VehicleSeen:
     speed_m_s: float
     yaw_deg: float | None
     home: tuple[float, float]
-    """Latitude and longitude [°] of home."""
     battery_percent: float | None
     obeyed: bool
     """True if the vehicle reports the target of our last command."""
@@ -815,7 +801,6 @@ class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """Climb straight up from the ground, after a pilot has armed."""
 
     height_m: float
-    """Height above home [m]."""
     altitude_amsl_m: float
 
 
@@ -864,7 +849,6 @@ class ChannelBlock:
     """Channel number: 0 at the radio's centre frequency, increasing with frequency, wrapping to
     negative ones."""
     center_frequency_hz: float
-    """Centre frequency of the channel [Hz]."""
     samples: "NDArray[np.complex64]"
     """(n,) complex64, never overwritten; a tone of amplitude A in the radio has amplitude A
     here."""

@@ -15,7 +15,6 @@ INTERFACE = 6
 
 
 def _load() -> tuple[Any, str]:
-    """Load the kernels, if available; return them and a description."""
     if os.environ.get("UAVRT_PURE", "0") not in ("", "0"):
         return None, "NumPy alone, as UAVRT_PURE says"
     try:

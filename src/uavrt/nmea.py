@@ -99,7 +99,6 @@ class SentenceParser:
 
 
 def _number(field: tuple[str, ...], least: float, most: float) -> float | None:
-    """Read a plain decimal number; None if it is invalid or out of its limits."""
     if not field or _NUMBER.fullmatch(field[0]) is None:
         return None
     value = float(field[0])

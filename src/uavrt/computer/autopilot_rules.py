@@ -33,7 +33,6 @@ class Need:
 
     name: str
     value: float | None
-    """Reported value; None: not reported."""
     wanted: float
     why: str
 
@@ -136,7 +135,6 @@ def _px4(values: Mapping[str, float | None], port: str | None, baud: int) -> lis
 
 
 def _instance_for(values: Mapping[str, float | None], number: int, port: str) -> int:
-    """Choose the MAVLink instance on the port, or else a free one, instance 1 first."""
     order = (1, 2, 0)
     on_port = [n for n in order if values.get(f"MAV_{n}_CONFIG") == number]
     free = [n for n in order if values.get(f"MAV_{n}_CONFIG") == 0]

@@ -90,7 +90,6 @@ def _greeting(client: ParameterClient, port: str | None) -> Finding:
 
 
 async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Finding, bool]:
-    """Check one parameter, and set it if requested; True if it was changed."""
     if need.met:
         return passed(WHAT, f"{need.name} = {need.wanted:g}"), False
     if need.value is None:

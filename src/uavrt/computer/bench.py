@@ -58,7 +58,6 @@ class FlightFacts:
     time_known: bool | None = None
     """True if the autopilot's clock is known; None: checked elsewhere."""
     clock_off_s: float | None = None
-    """Clock of the ground station minus that of the drone [s]."""
     pose_age_s: float | None = None
     """Age of the newest position [s]; None without any."""
     disk_free_mb: float | None = None
@@ -149,7 +148,6 @@ def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]
 
 
 def _without_drone(finding: Finding) -> Finding:
-    """Mark items that need the drone as not judged yet, without remedies."""
     if finding.ok or finding.what in ("drone", "tags"):
         return finding
     return failed(finding.what, "unknown: no contact with the drone", "Waiting for the drone")

@@ -123,7 +123,6 @@ def check_autopilot(settings: Settings, running: SystemStatus | None) -> Finding
 
 
 def _listen(settings: Settings) -> tuple[bool, str]:
-    """Wait for an autopilot; return (received, text)."""
     clock = Clock.start()
     link = Connection(
         Handlers(
@@ -242,7 +241,6 @@ def check_processor(measure_s: float = 1.0) -> Finding:
 
 
 def _idle_s() -> float:
-    """Idle time of all cores since boot [s] (proc(5): idle and iowait of ``/proc/stat``)."""
     fields = Path("/proc/stat").read_text().split("\n", 1)[0].split()
     return (int(fields[4]) + int(fields[5])) / os.sysconf("SC_CLK_TCK")
 

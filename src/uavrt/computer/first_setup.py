@@ -314,7 +314,6 @@ def _text(values: dict[str, Any], name: str) -> str:
 
 
 def _number(values: dict[str, Any], name: str) -> float | None:
-    """Read a typed number, with decimal point or comma."""
     value = values.get(name)
     if isinstance(value, bool):
         return None

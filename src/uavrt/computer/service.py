@@ -50,7 +50,6 @@ class ServicePlan:
     """Program, user and directories of the service."""
 
     program: Path
-    """Path of the ``uavrt`` command."""
     user: str
     directory: Path
     """Working directory; paths in the settings are relative to it."""
@@ -186,7 +185,6 @@ def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
 
 
 def _has_account(user: str) -> bool:
-    """True if a user exists, also outside of ``etc/passwd``."""
     try:
         pwd.getpwnam(user)
     except KeyError:
@@ -231,7 +229,6 @@ def rule_text() -> str:
 
 
 def _quoted(word: str) -> str:
-    """Quoted word for ``ExecStart=`` (systemd.service(5), "Command lines")."""
     if any(c in word for c in "\n\r\0"):
         raise UsageError(f"{word!r} cannot be written in a systemd unit")
     escaped = (
@@ -327,7 +324,6 @@ def _not_allowed(path: Path, error: OSError) -> UsageError:
 
 
 def _call(*commands: Sequence[str]) -> list[str]:
-    """Run commands; report failures and continue."""
     said = []
     for command in commands:
         if shutil.which(command[0]) is None:

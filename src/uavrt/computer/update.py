@@ -40,7 +40,6 @@ EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
 BUILT_HERE = "wheels"
 """Directory of wheels that deploy/install.sh had to build, as for 64-bit ARM."""
 PAGE_UNIT = "uavrt-page.service"
-"""systemd unit of an image's page (deploy/image)."""
 KEYS = ".update-keys.pem"
 """File with the keys that come with a version, in its directory."""
 SPACE_FACTOR = 2.2
@@ -115,7 +114,6 @@ def python_module(environment: Path, *words: str) -> list[str]:
 
 
 def _make(update: Update, present: Path, made: Path) -> None:
-    """Create an environment: from all wheels, or as a copy with another version of uavrt."""
     pip = python_module(made, "pip", "install", "--quiet", "--no-index")
     if update.alone:
         shutil.copytree(present, made, symlinks=True)
@@ -142,7 +140,6 @@ def _make(update: Update, present: Path, made: Path) -> None:
 
 
 def _require_libraries(made: Path, update: Update) -> None:
-    """Raise `UsageError` unless the installed libraries suffice for the new version."""
     done = subprocess.run(
         python_module(made, "pip", "check"),
         capture_output=True,
@@ -236,7 +233,6 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
 
 
 def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
-    """Restart the previous version, and remove the rejected one."""
     restarted = _restart(restart, say)
     place.forget_trial()
     if restarted:  # otherwise the refused one may still run from its files
@@ -244,7 +240,6 @@ def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> N
 
 
 def _restart(restart: Restart, say: Say) -> bool:
-    """Restart the service; if that fails, the trial will detect it."""
     try:
         restart()
     except UavrtError as error:
@@ -254,7 +249,6 @@ def _restart(restart: Restart, say: Say) -> bool:
 
 
 def _take_keys(version: Path, place: Installation) -> None:
-    """Accept the keys that came with a version, if any."""
     try:
         text = (version / KEYS).read_text(encoding="ascii")
     except FileNotFoundError:

@@ -151,7 +151,6 @@ def _read_wheel(path: Path, keys: Path) -> Update:
 
 
 def _wheel_version(content: bytes, path: Path) -> str:
-    """Read a wheel's version from its metadata, which must agree with the file name."""
     named = path.name.split("-")[1]
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -224,7 +223,6 @@ def _check_headers(path: Path) -> None:
 
 
 def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> bytes:
-    """Read a plain file of the archive; `size` is from the manifest."""
     try:
         member = archive.getmember(name)
     except KeyError:

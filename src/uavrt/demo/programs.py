@@ -229,7 +229,6 @@ class Program:
             self._wait(STOP_TIMEOUT_S)
 
     def _wait(self, timeout_s: float) -> bool:
-        """Wait for its end, store its CPU time; True when it has ended."""
         deadline_s = time.monotonic() + timeout_s
         while self.exit_code is None:
             pid, status, usage = os.wait4(self.pid, os.WNOHANG)

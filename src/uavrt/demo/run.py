@@ -170,7 +170,6 @@ class Demo:
     # ------------------------------------------------------------------- flight
 
     def _fly_until_interrupted(self) -> None:
-        """Fly to the end, or until Ctrl-C once samples have been counted."""
         try:
             self._fly()
         except KeyboardInterrupt:
@@ -183,7 +182,6 @@ class Demo:
         return max(0.0, (self._clock.now_ns() - self._start_ns) * 1e-9)
 
     def _fly(self) -> None:
-        """Wait for the start of detection, then until the flight ends."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         said_s = 0.0
         while self._elapsed_s < self._duration_s:
@@ -197,7 +195,6 @@ class Demo:
                 raise not_started(self._ground, several if len(self._drones) > 1 else "")
 
     def _stop(self) -> None:
-        """Stop detection from the ground, then wait until all pulses have arrived."""
         for one in self._drones:
             one.view.phase = "landed, delivering"
         self._ground.ask_to_stop()
@@ -238,7 +235,6 @@ class Demo:
 
     @contextmanager
     def _display(self) -> Iterator[None]:
-        """Draw the view of one drone while it flies."""
         if self._console is None or len(self._drones) > 1:
             yield
             return

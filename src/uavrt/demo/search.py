@@ -51,7 +51,6 @@ class SoughtAnimal:
     """Distance of the found position from the animal's true one at that time [m]."""
     radius95_m: float
     walked_m: float
-    """Distance the animal walked since the start of the search [m]."""
     pulses: int
     latitude_deg: float
     longitude_deg: float
@@ -121,7 +120,6 @@ class Among:
 class _Seen:
     notes: list[SearchNote] = field(default_factory=list)
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
-    """Records of the guide with their times, during the search."""
     flight_directory: str = ""
     commands: int = 0
     has_others: bool = False
@@ -196,7 +194,6 @@ class SearchDemo:
     # ------------------------------------------------------------------ the search
 
     def _search(self) -> None:
-        """Send the search order once the drone is ready; then wait for its end."""
         self._wait_for_others()
         order = self._ordered()
         deadline_s = time.monotonic() + self._limit_s + RETURNS_WITHIN_S
@@ -210,7 +207,6 @@ class SearchDemo:
         order.stop()
 
     def _wait_for_others(self) -> None:
-        """Wait until the ground station has announced the other drones."""
         deadline_s = time.monotonic() + OTHERS_TIMEOUT_S
         while self._among is not None and not self._seen.has_others:
             self._watch()
@@ -221,7 +217,6 @@ class SearchDemo:
                 )
 
     def _ordered(self) -> Program:
-        """Send the order, again until the drone has its position and home."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         while True:
             order = self._rig.program(

@@ -64,7 +64,6 @@ class DemoView:
     flight_directory: str = ""
     page_address: str = ""
     ros_domain: int | None = None
-    """ROS domain of the drone, for `ros2 topic list`."""
 
     def render(self, now_s: float) -> RenderableType:
         """Draw the view at a time of the viewer's clock [s], fitted to the terminal."""
@@ -167,7 +166,6 @@ class DemoView:
         ]
 
     def _short_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
-        """Cells of a tag's row, as `_tag_cells` but without units and bar."""
         name, frequency, snr, _, rate, per_minute, detected, delivered = self._tag_cells(
             view, now_s
         )
@@ -181,7 +179,6 @@ class DemoView:
         return [name, *short]
 
     def _short_process_table(self) -> RenderableType:
-        """Table with two processes per row, and a state only if it is not good."""
         table = plain_table(*(2 * ("process", "CPU", "MB")))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         cells: list[list[RenderableType]] = []

@@ -49,7 +49,6 @@ class Heard:
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
     searched: SearchReport | None = None
-    """The newest report of a search without a detection."""
 
 
 @dataclass(slots=True)
@@ -60,7 +59,6 @@ class MonitorView:
     heard: dict[int, Heard] = field(default_factory=dict)
     texts: deque[StatusText] = field(default_factory=lambda: deque(maxlen=TEXTS_SHOWN))
     beeps: list[Beep] = field(default_factory=list)
-    """Unlisted beeping senders of this flight."""
     cpu_percent: dict[str, float] = field(default_factory=dict)
     _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
 
@@ -196,7 +194,6 @@ class MonitorView:
         return table
 
     def _reasons(self) -> list[RenderableType]:
-        """Texts on why processes are not ok, however old."""
         assert self.status is not None
         return [Text(one.reason, "bold red") for one in self.status.processes if one.reason]
 
@@ -211,7 +208,6 @@ class MonitorView:
 
 
 def _number(tag_id: int, last: Pulse | None) -> str:
-    """Number of a tag, with other tags that may have sent its newest pulse."""
     others = last.also_possible_tag_ids if last is not None else ()
     return " or ".join(map(str, (tag_id, *others)))
 

@@ -19,7 +19,6 @@ MOST_WAITING: Final = 6
 """Largest number of sample blocks queued for the search, 12 MB at 3 MS/s; more are dropped and
 counted."""
 _CLOSE_S: Final = 2.0
-"""Longest wait for the search to end when closing [s]."""
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]

@@ -5,7 +5,6 @@ PULSES_S = 3.0
 OTHERS_S = 15.0
 """Longest time until poses, health and texts are committed [s]; a power cut loses them."""
 RETRY_S = 1.0
-"""Wait after a failed commit [s]."""
 
 
 class CommitTimes:

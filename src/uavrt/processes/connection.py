@@ -63,7 +63,6 @@ class LinkWatch:
         self._faults: dict[int, str] = {}
         self._heard = (False, False)
         self._stations: frozenset[tuple[int, int]] = frozenset()
-        """Ground stations present at the last check."""
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
         """Coroutines that serve the links."""
@@ -71,7 +70,6 @@ class LinkWatch:
         return [*served, self._link.keep_time()] if served else []
 
     async def _serve(self, number: int, address: str) -> None:
-        """Open a link again and again, because a missing adapter may be plugged in later."""
         while True:
             try:
                 await self._link.serve(number, address)
@@ -281,7 +279,6 @@ class ConnectionProcess:
         self._links.log_presence()
 
     def _status_text(self) -> str:
-        """State of the process as a short text."""
         linked = self._links.linked
         status = self._link.status() if linked else "no autopilot configured"
         if self._poses.is_own:

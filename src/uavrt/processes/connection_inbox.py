@@ -154,7 +154,6 @@ class ConnectionInbox:
     def _take_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
-        """Send an allowed station's command to the supervisor, or refuse it with the reason."""
         asker, gate = peer.place, self.stations.gate
         self.stations.asked(peer)
         reason = gate.refusal(asker, sealed=sealed)
@@ -180,7 +179,6 @@ class ConnectionInbox:
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
     def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Pass on an allowed station's motion order, or refuse it with the reason."""
         asker = peer.place
         self.stations.asked(peer)
         with self.stations.gate.order(payload, asker, sealed=sealed) as refusal:
@@ -193,7 +191,6 @@ class ConnectionInbox:
             self.stations.answer_motion(encode_state(state), asker)
 
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle another drone's report; ignored unless this drone accepts motion orders."""
         if self._motion is not None:
             refusal = self.stations.gate.refusal(peer.place, sealed=sealed)
             self._motion.neighbours.receive(payload, peer.place, refusal, sealed=sealed)
@@ -235,7 +232,6 @@ class ConnectionInbox:
         )
 
     def _send_course(self, course: Course) -> None:
-        """Report this drone's planned path to all ground stations."""
         try:
             payload = encode_course(course)
         except TunnelError as error:

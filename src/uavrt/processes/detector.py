@@ -95,7 +95,6 @@ class DetectorBank:
         self._put_coded(block)
 
     def _put_coded(self, block: ChannelBlock) -> None:
-        """Search a block for coded tags; remove them from the search after two failures."""
         codes = [tag for tag in self._of_channel(block) if tag.coded]
         if not codes:
             return
@@ -130,7 +129,6 @@ class DetectorBank:
         return self._marked(pulses + bursts)
 
     def _marked(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Mark pulses that contain clipped samples."""
         covers = self._clipped.covers
         return [
             replace(pulse, clipped=True)
@@ -140,7 +138,6 @@ class DetectorBank:
         ]
 
     def _add(self, block: ChannelBlock) -> bool:
-        """Create the detectors of a channel; False if the channel has no tags."""
         detectors = self._make(block)
         if detectors:
             self._group.add(block.channel, detectors)
@@ -241,7 +238,6 @@ class DetectorBank:
         ]
 
     def _make(self, block: ChannelBlock) -> list[PulseDetector]:
-        """Create the detectors of this channel's uncoded tags."""
         made = []
         for tag in self._of_channel(block):
             if tag.coded:
@@ -263,7 +259,6 @@ class DetectorBank:
 
 
 def _numbers(detector: "PulseDetector | CodedDetector") -> Iterator[tuple[str, int]]:
-    """Counters of a detector except its samples, which the bank counts once."""
     counters = asdict(detector.counters)
     for reason, count in counters.pop("rejected").items():
         yield f"rejected_{reason}", count
@@ -311,7 +306,6 @@ class Searcher:
         self._bank.put(block)
 
     def _search(self) -> None:
-        """Search the waiting blocks and send the pulses found."""
         if self._time_ns is None:
             return
         for pulse in self._bank.collect():

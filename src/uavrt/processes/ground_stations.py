@@ -112,5 +112,4 @@ class GroundStations:
             self._link.tunnel.send_tunnel(session, Priority.STATUS, payload_type=SESSION_TYPE)
 
     def _peer(self, asker: Place) -> Peer:
-        """A station, with the link of its last message."""
         return Peer(*asker, self._asked_on.get(asker, 0))

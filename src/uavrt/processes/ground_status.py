@@ -72,7 +72,6 @@ class GroundStatus:
         """Number of beeping senders dropped from the reports because there were too many."""
         self._next_ns: dict[str, int] = {}
         self._state: SystemState | None = None
-        """State in the last heartbeat."""
         self._tags = 1
         self._shift_ns = 0
         """Clock of the flight minus the clock of this process [ns]."""
@@ -202,7 +201,6 @@ class GroundStatus:
         self._sender.send_message(self._computer_status())
 
     def _computer_status(self) -> OnboardComputerStatus:
-        """Load, memory and free space of this computer; other fields stay unknown."""
         before, self._busy = self._busy, _busy_ticks()
         ticks = self._busy[1] - before[1]
         load = round(100 * (self._busy[0] - before[0]) / ticks) if ticks > 0 else UNKNOWN_U8
@@ -243,7 +241,6 @@ def cpu_temperature_c() -> float | None:
 
 
 def _busy_ticks() -> tuple[int, int]:
-    """Busy and total processor time since boot [clock ticks]."""
     try:
         first = Path("/proc/stat").read_text().split("\n", 1)[0].split()
         ticks = [int(part) for part in first[1:9]]
@@ -253,7 +250,6 @@ def _busy_ticks() -> tuple[int, int]:
 
 
 def _memory_mib() -> tuple[int, int]:
-    """Used and total memory [MiB]."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         kib = {line.split(":")[0]: int(line.split()[1]) for line in lines[:5]}
@@ -264,7 +260,6 @@ def _memory_mib() -> tuple[int, int]:
 
 
 def _disk_mib(place: Path) -> tuple[int, int]:
-    """Used and total disk space of the flights' directory [MiB]."""
     try:
         usage = shutil.disk_usage(place if place.exists() else os.curdir)
     except OSError:

@@ -139,7 +139,6 @@ def equipment_of(settings: Settings) -> Equipment:
 
 
 def _height_m(order: Order, now: VehicleNow) -> float:
-    """Height above home at which an order is flown [m]."""
     return now.altitude_relative_m if order.height_m is None else order.height_m
 
 
@@ -161,11 +160,9 @@ class _Planned:
     """A planned order, ready to be proposed."""
 
     home: tuple[float, float]
-    """Home position of the plan (latitude, longitude)."""
     pilot: Pilot
     limits: Limits
     seeker: Seeker | None
-    """The search, if the order is a search."""
     summary: str
 
 
@@ -187,7 +184,6 @@ class _Planning:
 
 
 def _plan(asked: _OrderRequest) -> _Planned:
-    """Plan an order from the vehicle's state when it arrived."""
     guidance, order, now = asked.settings.guidance, asked.order, asked.now
     manners = manners_of(asked.vehicle.autopilot)
     ground = ground_of(guidance, now.home)
@@ -247,11 +243,9 @@ class Guide:
         """Power needed to fly, learnt from the battery over all orders."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
-        """The vehicle's own geofence; None if unknown."""
         self._pilot: Pilot | None = None
         self._offered: _Planned | None = None
         self._waiting_orders: deque[tuple[MotionRequest, Order]] = deque()
-        """Orders that wait to be planned."""
         self._planning: _Planning | None = None
         self._planner: SearchThread | None = None
         self._ending: list[SearchThread] = []
@@ -283,7 +277,6 @@ class Guide:
                 self._planner.searched(record)
 
     def _offer(self, request: MotionRequest) -> None:
-        """Queue an order for planning; the present one continues until confirmation."""
         order = Order.of(request, secrets.randbits(31) | 1)
         if len(self._waiting_orders) >= MOST_WAITING_ORDERS:
             busy = "too many orders are being planned. Ask again"
@@ -293,7 +286,6 @@ class Guide:
         self._plan_next()
 
     def _plan_next(self) -> None:
-        """Start planning the oldest waiting order, if none is being planned."""
         while self._waiting_orders and self._planning is None:
             request, order = self._waiting_orders.popleft()
             asked = _attempt(partial(self._checked_request, request, order))
@@ -328,7 +320,6 @@ class Guide:
         )
 
     def _take_plan(self) -> None:
-        """Propose the finished plan, or refuse its order."""
         planning = self._planning
         if planning is None or planning.found is None:
             return
@@ -367,7 +358,6 @@ class Guide:
         )
 
     def _fly(self, vehicle: VehicleReport) -> None:
-        """Request the motion that is due, and report the course."""
         now_s = monotonic_s()
         now = self._now(vehicle, now_s)
         self._fly_order(vehicle, now, now_s)
@@ -375,7 +365,6 @@ class Guide:
             self._report_course(now, now_s)
 
     def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
-        """State of the vehicle, with the learnt power; None without position."""
         now = now_of(vehicle, now_s)
         return None if now is None else self._learnt_power.taught(now)
 
@@ -411,7 +400,6 @@ class Guide:
             self._frame.send("wish", VehicleWish(order_id=pilot.order.order_id, said=said))
 
     def _begin(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow | None) -> None:
-        """Start the confirmed order from the vehicle's present state."""
         self._end_search(now, "another order was confirmed")
         self._pilot = self._offered = None
         if now is None:
@@ -446,7 +434,6 @@ class Guide:
         return Pilot(pilot.order, plan, offered.limits)
 
     def _report_course(self, now: VehicleNow, now_s: float) -> None:
-        """Report the drone's course, while a ground station forwards such reports."""
         shared, pilot = self._shared, self._pilot
         every_s = PATH_REQUEST_S if shared.waits else COURSE_S
         if not shared.speaks(now_s) or now_s - self._course_s < every_s:
@@ -463,7 +450,6 @@ class Guide:
         self._frame.send("wish", VehicleWish(order_id=order_id, ends=True, said=reason))
 
     def _search(self, planner: SearchThread, pilot: Pilot, now: VehicleNow) -> None:
-        """Give the drone's position to the search, and process its decisions."""
         time_ns = self._frame.clock.now_ns()
         pilot.among = self._shared.has_others(now.time_s)
         planner.place(time_ns, now)
@@ -511,7 +497,6 @@ class Guide:
             pilot.redirect(choice.steps, now)
 
     def _note(self, notes: Sequence[SearchNote]) -> None:
-        """Record decisions; send finds and the end of the search to the operator."""
         for note in notes:
             self.decisions += note.event == "decision"
             self._frame.send("search_note", note)
@@ -520,7 +505,6 @@ class Guide:
                 self._frame.notify(5, f"Search: {note.text}")
 
     def _end_search(self, now: VehicleNow | None, reason: str) -> None:
-        """End the search with a summary; pending decisions are ignored."""
         planner, self._planner = self._planner, None
         self._shared.end()
         if planner is None:

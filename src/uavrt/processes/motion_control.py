@@ -42,11 +42,9 @@ class Outlets:
     state: Callable[[bytes, Asker | None], None]
     """Sends a payload of type 60006 to one station, or to all if None."""
     ask: Callable[[Command], None]
-    """Sends a query to the supervisor."""
     record: Callable[[str, object], None]
     """Sends a record to the guide, through the supervisor."""
     text: Callable[[StatusText], None]
-    """Sends a text to the operator."""
 
 
 class MotionControl:
@@ -68,7 +66,6 @@ class MotionControl:
         self.authority: Authority | None = None
         """Decides which commands are permitted; None without a known autopilot."""
         self.standing = Standing.OUT
-        """The last reported state of the order."""
         self.stalls = StallWatch(monotonic_s())
         self.order_id = self.sent = self.refused = 0
         """Number of the last confirmed order (`order_id`); its commands sent and refused."""
@@ -195,7 +192,6 @@ class MotionControl:
         return True
 
     def _report_late(self, authority: Authority) -> None:
-        """Report once that a delay of the link prevents commands."""
         late = authority.vehicle.late
         if late is None or authority.standing is Standing.OUT or self._late_reported:
             return

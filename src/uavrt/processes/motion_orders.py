@@ -27,8 +27,6 @@ stations at once could assign the same path twice."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Question:
-    """A query to the supervisor about a station's message."""
-
     name: CommandName
     about: MotionRequest | MotionConfirmation
     asker: Asker
@@ -97,7 +95,6 @@ class MotionOrders:
         *,
         sealed: bool,
     ) -> None:
-        """Ask the supervisor whether this station may command."""
         number = self._next_request_id()
         self._pending[number] = _Question(
             name=name, about=about, asker=asker, asked_s=monotonic_s()

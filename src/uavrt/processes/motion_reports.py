@@ -140,6 +140,5 @@ class MotionReports:
     def _fault(
         self, authority: Authority, now_s: float, *, takeoff: bool = False
     ) -> str | None:
-        """Reason why no order (or no take-off) can be proposed now; None if possible."""
         fault = authority.fault(now_s, takeoff=takeoff)
         return self._autopilot.link_fault if fault is None else f"{fault[0]}. {fault[1]}"

@@ -33,7 +33,6 @@ ALTITUDE_HOLDS_NS = ns_from_s(3.0)
 WATCH_PERIOD_S = 3.0
 """Time between requests to a silent gpsd, which loses them with the connection [s]."""
 GPSD = "127.0.0.1:2947"
-"""Default address of gpsd."""
 WAIT_S = 1.5
 """Longest wait of a pulse for the receiver's next position [s]."""
 
@@ -176,7 +175,6 @@ class OwnPose:
             self._use_heading(settings.heading_deg, now_ns)
 
     def _heading(self, heading_deg: float) -> None:
-        """Use a compass heading, unless a heading is set."""
         now_ns = self._clock_ns()
         if self._settings.heading_deg is not None:
             self.counters["compass_passed_over"] += 1
@@ -208,7 +206,6 @@ class OwnPose:
         await keep_open(address, take, parser, opened=self._opened, failed=self._failed)
 
     async def _request_reports(self) -> None:
-        """Request reports from gpsd while none arrive."""
         while True:
             last_ns = max(self._place_ns or 0, self._heading_ns or 0)
             if self._link is not None and self._clock_ns() - last_ns > ns_from_s(

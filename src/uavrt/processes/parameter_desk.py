@@ -150,7 +150,6 @@ class ParameterDesk:
             self._send(self._server.value(RUN.name), None)
 
     def _is_pending(self, name: str) -> bool:
-        """True if an answer about this parameter will be sent anyway."""
         return any(name == wanted for wanted, _ in self._pending.values())
 
     def _refuse(self, name: str, reason: str, peer: Peer) -> None:

@@ -139,7 +139,6 @@ class PulseOutlet:
         return next(iter(self._recent.values()))
 
     def _refill(self, store: int) -> None:
-        """Read unsent pulses from the newest flights that have any."""
         sender, pulses = self.sender, self.sender.pulses
         without = pulses.keys(store) | {k for number, k in self._recent if number == store}
         room = min(REFILL, pulses.room(store))

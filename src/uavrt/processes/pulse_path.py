@@ -146,7 +146,6 @@ class PulsePath:
         self._send_record("delivered", replace(delivered, time_ns=time_ns))
 
     def _restore_tags(self, found: tuple[str, dict[int, tuple[int, int]]]) -> None:
-        """Restore the tags received in this flight before this process started."""
         directory, heard = found
         if directory == self._directory:
             self._tag_texts.restore({tag: end_ns for tag, (_, end_ns) in heard.items()})
@@ -167,7 +166,6 @@ class PulsePath:
 
 
 def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:
-    """Get the tags in a flight's database; empty if it cannot be read."""
     try:
         return directory, heard_tags(directory)
     except RecordingError as error:

@@ -131,7 +131,6 @@ class Receiver:
         self.last_sample_ns = 0
 
     def _open_recorder(self, frame: ProcessFrame, flight: FlightInfo) -> IQRecorder | None:
-        """Open the recording if requested; if that fails, detection continues without it."""
         recording = frame.assignment.settings.recording
         if not recording.iq:
             return None
@@ -148,7 +147,6 @@ class Receiver:
             return None
 
     def _open_output(self, frame: ProcessFrame, flight: FlightInfo) -> ChannelOutput | None:
-        """Open the original's UDP ports if requested; on failure go on without them."""
         settings = frame.assignment.settings.udp_channels
         if not settings.enabled:
             return None
@@ -202,7 +200,6 @@ class Receiver:
         self._report_beeps()
 
     def _report_beeps(self) -> None:
-        """Report beeping senders that are not in the list of tags."""
         for beep in self._beeps.take_found():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
@@ -214,14 +211,12 @@ class Receiver:
             self._notify(4, "Unlisted tags no longer searched: internal fault")
 
     def _missed(self, block: IQBlock) -> int:
-        """Number of samples missed while the radio was reopened."""
         if not self.last_sample_ns:
             return 0
         missed_ns = block.time_ns - self.last_sample_ns
         return max(0, round(missed_ns * 1e-9 * self._sample_rate_hz) - block.lost_before)
 
     def _report_clipping(self) -> None:
-        """Warn once that the radio clips, and advise a lower gain."""
         if self._clipping.clipped_s > CLIPPED_S and not self._clipping_reported:
             self._clipping_reported = True
             self._notify(4, "Radio clipped: SNR too low. Reduce gain")
@@ -385,7 +380,6 @@ def receive(
 
 
 def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason: str) -> None:
-    """Report the state of the radio; `reason` is empty if there is no fault."""
     if isinstance(receiver, Capture) and (over := receiver.status) is not None:
         frame.report(over, counters=receiver.counters, reason=receiver.said())
     else:

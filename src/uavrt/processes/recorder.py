@@ -54,7 +54,6 @@ MOST_READ_AT_ONCE = 1_000
 MOST_TO_REPORT = 100_000
 """Largest number of written pulses not yet reported as recorded, while the disk fails."""
 MOST_COMMANDS = 64
-"""Largest number of commands that wait for their reply."""
 LOCK_WAIT_S = 3.0
 DISK_CHECK_S = 2.0
 """Time between two checks of the disk [s]; they find a fault before the next commit."""
@@ -186,7 +185,6 @@ class Recorder:
         self._report_lost_poses(now_s)
 
     def _delivered(self, record: Delivered) -> None:
-        """Store which pulses reached the ground, also for ended flights."""
         if self._flight is not None:
             self._flight.write_delivered(record)
             # Committed with the next pulses or other records, never alone.
@@ -243,7 +241,6 @@ class Recorder:
             self._times.pulses_wait(monotonic_s())
 
     def _find_missing_poses(self) -> None:
-        """Find recorded pulses whose pose is still missing."""
         if self._flight is None:
             return
         found = self._flight.database.without_pose(MOST_READ_AT_ONCE)
@@ -252,7 +249,6 @@ class Recorder:
             self._awaited.add(pulse, monotonic_s())
 
     def _reconstruct(self, pulses: list[Pulse]) -> None:
-        """Reconstruct pulses' poses from recorded ones, where possible; write and send them."""
         flight = self._flight
         if flight is None or not pulses:
             return
@@ -283,7 +279,6 @@ class Recorder:
             self._frame.send("pulse_pose", pulse_pose)
 
     def _report_lost_poses(self, now_s: float) -> None:
-        """Report lost poses to the operator, at a limited rate."""
         if not self._unreported or now_s < self._report_at_s:
             return
         self._report_at_s = now_s + REPORT_PERIOD_S
@@ -295,7 +290,6 @@ class Recorder:
         )
 
     def _commit(self, *, pulses_only: bool = False) -> bool:
-        """Commit what was written; a full disk is reported and does not stop the process."""
         if self._flight is None:
             return True
         now_s = monotonic_s()
@@ -329,7 +323,6 @@ class Recorder:
             self._frame.link.send("taken", Taken(records=lines))
 
     def _report_fault(self, error: RecordingError) -> None:
-        """Log a fault once, until it is fixed."""
         if not self._fault:
             log.error("cannot write the flight", reason=str(error))
         self._fault = str(error)

@@ -50,7 +50,6 @@ class SearchThread:
         threading.Thread(target=self._run, name="search", daemon=True).start()
 
     def _put(self, job: _Job | None) -> None:
-        """Queue a job for the thread; None ends the thread."""
         self._jobs.put(job)
 
     def pulse(self, pulse_pose: PulsePose) -> None:

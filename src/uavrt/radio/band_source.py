@@ -167,7 +167,6 @@ class ByteJoiner:
         return samples, lost_before, self._realigned
 
     def _append(self, payload: bytes) -> None:
-        """Add bytes, without the rest of a sample that the gap has cut."""
         kept = payload[self._cut :]
         self._cut = max(0, self._cut - len(payload))
         self._parts.append(kept)

@@ -15,8 +15,6 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 @dataclass(slots=True)
 class _Frame:
-    """A channel's frame of 1024 samples that is being filled."""
-
     samples: NDArray[np.complex64] = field(
         default_factory=lambda: np.zeros(SAMPLES, np.complex64)
     )

@@ -75,7 +75,6 @@ class ChannelDatagramSource(DatagramSource):
             self._poll.poll(1000.0 * (SILENCE_S if left_s is None else min(left_s, SILENCE_S)))
 
     def _receive(self) -> None:
-        """Read waiting datagrams, as many as can be put in order at once."""
         for sock in self._sockets:
             while self._frames.waiting <= HELD_FRAMES:
                 try:

@@ -26,7 +26,6 @@ class NameFacts:
     """Values read from a file name; None for values it does not contain."""
 
     program: str
-    """Program that writes such names."""
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
     """Step to which the name rounds the frequency [Hz]; None for 1 Hz or less."""
@@ -116,7 +115,6 @@ def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
 
 
 def _start_ns(parts: dict[str, str | None], *, utc: bool) -> int | None:
-    """Time in a file name [ns, UTC]; None if it is not a valid date."""
     try:
         fields = [
             int(parts[name] or 0)

@@ -30,7 +30,6 @@ class SampleFormat:
     name: str
     """``cf32``, ``cs16``, ``cu8``, ``ci8`` …"""
     dtype: np.dtype[Any]
-    """Type of one component."""
     zero: float
     """Stored value that represents 0."""
     full_scale: float

@@ -50,7 +50,6 @@ class JoinedRecording:
         self.start_time_ns = _start_ns(first)
         self.invalid_values = self.samples_lost = 0
         self._next = 0
-        """Index of the next recording to open."""
         self._source: RecordingSource | None = None
         self._index = 0
         """Index of the next sample, including lost ones."""
@@ -99,7 +98,6 @@ class JoinedRecording:
             raise EOFError(f"{self.name} has ended")
 
     def _placed(self, block: IQBlock) -> IQBlock:
-        """Copy of a block with its index over all recordings."""
         lost = block.lost_before
         if self._end_ns is not None:
             gap_s = (block.time_ns - self._end_ns) / NANOSECONDS_PER_SECOND

@@ -112,7 +112,6 @@ class DatagramSource(LiveSource):
     """Base class of sources at a UDP port, ``udp://HOST:PORT``."""
 
     def _listen(self, address: str) -> None:
-        """Open the UDP port; raises `ConfigError` or `RadioError`."""
         self.name = address
         self._sockets = listen(*parse_udp_address(address))
         self._poll = select.poll()

@@ -295,7 +295,6 @@ class LossFinder:
         return min(after_s) - min(before_s, default=0.0) >= _STEP * rises_s
 
     def _learn_jitter(self, cell: _Cell) -> None:
-        """Update the mean jitter from the decrease of lateness between consecutive cells."""
         if not cell.fresh or not self._cells or not self._cells[-1].fresh:
             return
         if self.suspect_s is not None:
@@ -312,7 +311,6 @@ class LossFinder:
         return min(self._cells[at].late_s for at in range(-count, 0))
 
     def _learn_usual(self) -> None:
-        """Update the typical smallest lateness of four cells, while nothing is lost."""
         quiet = self._cells[-1].end_s > self._loss_at_s + _QUIET_S
         if quiet and self.suspect_s is None and len(self._cells) >= _NEWEST:
             self._usual_s += 0.02 * (self._newest_s(_NEWEST) - self._usual_s)
@@ -328,7 +326,6 @@ class LossFinder:
             self.suspect_s = math.inf
 
     def _is_late(self, late_s: float) -> bool:
-        """True if this lateness may be the first after a loss."""
         return late_s > max(_SUSPECT_S, 5.0 * self.jitter_s)
 
     @property
@@ -342,7 +339,6 @@ class LossFinder:
         return self.suspect_s is None and self._late_from_s is not None
 
     def _judge(self) -> Loss | None:
-        """Test all periods up to the newest cell; return the most evident loss."""
         cells, jitter_s = self._cells, self.jitter_s
         end_s = cells[-1].end_s
         needed = _EVIDENCE_KNOWN if end_s < self._known_until_s else _EVIDENCE
@@ -400,7 +396,6 @@ class LossFinder:
         return [c for c in cells if c.fresh and c.late_s <= near_s]
 
     def _loss(self, count: int) -> Loss:
-        """Compute the loss from the newest `count` cells."""
         cells = self._cells
         lowest_s = min(cells[at].late_s for at in range(-count, 0))
         # The present level: more may have been lost since the stretch began.
@@ -447,7 +442,6 @@ class LossFinder:
         return lost_s > _SURE_SHARE * min(_SHARE_S, max(now_s - began_s, 5.0))
 
     def _take(self, loss: Loss) -> None:
-        """Apply a loss: reduce the lateness of its cells."""
         now_s = self._cells[-1].end_s
         self._found_s += loss.duration_s
         self._slow.append((now_s, loss.duration_s))

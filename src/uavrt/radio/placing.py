@@ -199,7 +199,6 @@ class Placer:
         return block
 
     def _log(self, lost: int) -> None:
-        """Log the first loss at once, later ones summed over ten seconds of the stream."""
         self._unlogged += lost
         if self.index >= self._next_log_index:
             log.info(
@@ -217,7 +216,6 @@ class Placer:
         return self.index + self._before + self._after_cut + held
 
     def _learn(self, arrival: _Arrival, full: bool) -> None:
-        """Pass an arrival to the time keeper, and take over the losses it has found."""
         end = self._place(arrival.held)
         last_end, last_ns = self._last or (0, arrival.time_ns)
         took_s = (arrival.time_ns - last_ns) * 1e-9

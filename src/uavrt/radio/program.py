@@ -149,7 +149,6 @@ class ProgramSource(StreamSource):
             return
 
     def _wait(self, timeout_s: float | None) -> bool:
-        """Wait for samples; meanwhile read stderr and check for a stall."""
         allowed_s = self._startup_s if self._placer.index + self._filled == 0 else self._stall_s
         until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
         if until_stall_s < 0.0:
@@ -166,7 +165,6 @@ class ProgramSource(StreamSource):
         return ready
 
     def _read_messages(self) -> None:
-        """Read and handle the program's stderr."""
         try:
             said = os.read(self._words, 65536)
         except BlockingIOError:
@@ -193,7 +191,6 @@ class ProgramSource(StreamSource):
                 log.info("radio says", program=self.name, line=line)
 
     def _note_overruns(self, line: str) -> None:
-        """Handle the radio's count of overruns, which shows losses without their size."""
         found = _OVERRUNS.search(line)
         if not found or int(found[1]) <= self.overruns:
             return
@@ -208,7 +205,6 @@ class ProgramSource(StreamSource):
         return lost
 
     def _check_end(self) -> None:
-        """Raise the error for a program that has ended, after its last complete samples."""
         enough = self._placer.index > 0 and self._filled >= self._format.bytes_per_sample
         self._answers_until_s = monotonic_s() + _INFORMATION_S
         try:
@@ -235,7 +231,6 @@ class ProgramSource(StreamSource):
         )
 
     def _own_rates(self) -> str:
-        """Sample rates of the device, as its information program prints them."""
         program, said = self._program, ""
         if not program.inform or self._settings.program:
             return ""

@@ -122,7 +122,6 @@ def _rate(settings: RadioSettings) -> str:
 
 
 def _serial(option: str, settings: RadioSettings) -> tuple[str, ...]:
-    """Arguments that choose a device; Airspy's programs need a prefix before its number."""
     if not settings.serial:
         return ()
     prefix = RADIOS[settings.kind].serial_prefix

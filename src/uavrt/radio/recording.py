@@ -37,7 +37,6 @@ class Segment:
     sample_index: int
     """Index since the start of the recording, including lost samples."""
     time_ns: int
-    """Time of the first sample [ns, UTC]."""
     lost_before: int = 0
 
 
@@ -51,10 +50,8 @@ class Layout:
     center_frequency_hz: float
     segments: tuple[Segment, ...]
     frequency_from: str = SAID
-    """Text on how the radio frequency is known."""
     rate_from: str = SAID
     start_from: str = SAID
-    """Text on how the start time is known."""
     first_byte: int = 0
     fault_at_end: str | None = None
     """Reason why the recording is incomplete; raised after its last complete sample."""
@@ -71,8 +68,6 @@ class SampleBytes(Protocol):
 
 
 class _FileBytes:
-    """A local file."""
-
     def __init__(self, path: Path) -> None:
         self._path = path
         with reading(path):

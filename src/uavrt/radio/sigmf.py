@@ -115,7 +115,6 @@ class _Capture:
 def _segments(
     captures: list[_Capture], total: int, rate_hz: float, start_time_ns: int | None
 ) -> list[Segment]:
-    """Put the captures on one time line, with gaps between them."""
     segments: list[Segment] = []
     base_ns = start_time_ns if start_time_ns is not None else captures[0].time_ns or 0
     moved_ns = base_ns - (captures[0].time_ns if captures[0].time_ns is not None else base_ns)
@@ -204,7 +203,6 @@ def _captures(
 
 
 def _ns_text(text: object) -> str:
-    """Cut a time's fraction of a second to microseconds, which Python can read."""
     if not isinstance(text, str):
         raise TypeError("not a text")
     head, dot, tail = text.partition(".")

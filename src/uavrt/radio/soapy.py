@@ -103,7 +103,6 @@ class SoapySource(LiveSource):
         return exit_error(self._settings, 0, "failed", words, own_rates=self._own_rates)
 
     def _own_rates(self) -> str:
-        """Sample rates that the device supports."""
         ranges = self._device.getSampleRateRange(_RX, 0)
         return " or ".join(
             f"{one.minimum():.0f}"
@@ -153,7 +152,6 @@ class SoapySource(LiveSource):
             raise self._error(f"the stream failed with error {result.ret}")
 
     def _find_gap(self, result: Any) -> None:
-        """Detect a gap from the radio's own time stamp, if it provides one."""
         time_ns = int(getattr(result, "timeNs", 0))
         if not int(getattr(result, "flags", 0)) & _HAS_TIME:
             self._device_ns = None

@@ -109,12 +109,10 @@ class StreamSource(LiveSource):
         return self._block()
 
     def _make_room(self, samples: int) -> None:
-        """Make room for this many samples; held ones are discarded."""
         self._samples, self._raw = self._format.buffers(samples)
         self._bytes = self._raw.data
 
     def _compact(self) -> None:
-        """Move the samples that are not passed on yet to the start of the buffer."""
         if self._given:
             self._raw[: self._filled - self._given] = self._raw[self._given : self._filled]
             self._filled -= self._given
@@ -156,7 +154,6 @@ class StreamSource(LiveSource):
         self._filled = self._given = 0
 
     def _wait(self, timeout_s: float | None) -> bool:
-        """Wait for bytes or the end; subclasses may watch other things meanwhile."""
         if timeout_s is None:
             # Blocking read; also waits for a non-blocking descriptor.
             return bool(self._poll.poll()) if not os.get_blocking(self._descriptor) else True
@@ -167,7 +164,6 @@ class StreamSource(LiveSource):
         return 0
 
     def _check_end(self) -> None:
-        """Raise the error for the end of the stream, once all samples are passed on."""
         whole = self._filled // self._format.bytes_per_sample
         if whole > 0:
             return
@@ -182,7 +178,6 @@ class StreamSource(LiveSource):
         raise EOFError(f"{self.name} has ended")
 
     def _block(self) -> IQBlock:
-        """Make a block of the samples here, or of those before a gap."""
         size = self._format.bytes_per_sample
         count = self._filled // size
         first = self._placer.samples_before_cut
@@ -217,7 +212,6 @@ def _enlarge_pipe(descriptor: int) -> int:
 
 
 def _waiting_bytes(descriptor: int) -> int:
-    """Number of bytes that can be read without waiting."""
     import fcntl
     import termios
 

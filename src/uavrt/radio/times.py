@@ -211,7 +211,6 @@ class TimeKeeper:
         self._finder.expect(self._given_s)
 
     def _apply_loss(self, loss: Loss, nominal_s: float) -> None:
-        """Apply a loss; drop the stored periods since its start."""
         self._lost_s += loss.duration_s
         if not loss.sure:
             self._unsure_s += loss.duration_s
@@ -230,7 +229,6 @@ class TimeKeeper:
         self._loss_at_s = nominal_s + loss.duration_s
 
     def _keep(self, bin_: tuple[float, float]) -> None:
-        """Store a period; drop the oldest when there is no room."""
         if bin_[0] < self._loss_at_s + _SLOPE_PAUSE_S:
             return
         if self._bin_count == _BINS:

@@ -90,7 +90,6 @@ def send_socket(host: str) -> socket.socket:
 
 
 def _host_addresses(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
-    """Families and addresses of a host name; raises `RadioError` if it has none."""
     with os_errors_as(RadioError, f"no address {host}", "Check the name, or write numbers"):
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
     return [(family, address) for family, _, _, _, address in found]

@@ -72,8 +72,6 @@ _FORMATS: dict[tuple[int, int], SampleFormat] = {
 
 @dataclass(slots=True)
 class _Header:
-    """Values of the chunks before the samples."""
-
     kind: int = 0
     channels: int = 0
     rate_hz: int = 0
@@ -177,7 +175,6 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
 
 
 def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
-    """Read name and length of the chunk at a position; the name is empty if there is none."""
     file.seek(at)
     head = file.read(8)
     if len(head) < 8 or not all(0x20 <= letter < 0x7F for letter in head[:4]):
@@ -246,7 +243,6 @@ def _xml(body: bytes) -> str | None:
 
 
 def _number(text: str, name: str, unit: int) -> int | None:
-    """Read a positive integer from an XML attribute; None if missing."""
     found = re.search(rf'\b{name}\s*=\s*"(\d{{1,12}})"', text)
     return int(found[1]) * unit or None if found else None
 

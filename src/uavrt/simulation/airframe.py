@@ -36,11 +36,9 @@ class Frame:
     hover_w: float = 400.0
     battery_wh: float = 120.0
     fence_m: float = 5_000.0
-    """Radius of the fence around home [m]."""
     wind_m_s: tuple[float, float] = (0.0, 0.0)
     """Velocity of the air to north and east [m/s]."""
     airspeed_m_s: float = 12.0
-    """Highest airspeed [m/s]."""
     drag_share: float = 0.1
     """Power against drag at an airspeed of 10 m/s, as a fraction of hover power; it grows with
     the cube."""
@@ -56,7 +54,6 @@ class Target:
     north_m: float
     east_m: float
     height_m: float
-    """Height above home [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +65,6 @@ class _Braking:
     overshoot_share: float
     """Overshoot as a fraction of the braking distance."""
     overshoot_m: float
-    """Largest overshoot [m]."""
     return_s: float
     """Time constant of the return to the target [s]."""
 
@@ -91,7 +87,6 @@ class Airframe:
         self._flavour, self.frame = flavour, frame
         self.north_m, self.east_m, self.height_m = north_m, east_m, height_m
         self.velocity_m_s: geometry.Vector = (0.0, 0.0, 0.0)
-        """Velocity to north, east and up [m/s]."""
         self._acceleration_m_s2: geometry.Vector = (0.0, 0.0, 0.0)
         """Acceleration over ground to north and east [m/s²]; the third component is not used.
         """
@@ -179,7 +174,6 @@ class Airframe:
         self.height_m = max(0.0, self.height_m + climb * step_s)
 
     def _overshoot(self, step_s: float) -> None:
-        """Overshoot the target, farther at higher speed, then return to it."""
         speed = math.hypot(*self.velocity_m_s[:2])
         brakes = _BRAKING[self._flavour]
         way_m = speed**2 / (2.0 * brakes.share * self.frame.acceleration_m_s2)
@@ -189,7 +183,6 @@ class Airframe:
         self._overshoot_m = max(self._overshoot_m, overshoot_m)
 
     def _towards(self, target: Target) -> geometry.Vector:
-        """Highest velocity to the target that allows braking before it."""
         along, aside = self._line
         north = target.north_m + self._overshoot_m * along - self.north_m
         east = target.east_m + self._overshoot_m * aside - self.east_m
@@ -213,7 +206,6 @@ class Airframe:
         return geometry.scale(unit, speed)
 
     def _accelerate(self, wanted: geometry.Vector, step_s: float) -> None:
-        """Change the velocity over ground towards a wanted one, within the limits."""
         now = (self.velocity_m_s[0], self.velocity_m_s[1], 0.0)
         change = geometry.subtract(wanted, now)
         size, ease = geometry.length(change), self.frame.jerk_m_s3

@@ -35,7 +35,6 @@ the scenario's radio is accepted, too."""
 BUFFERS = 8
 """Number of filled buffers that libairspy queues for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD
-"""Serial number of the simulated device."""
 LONGEST_S = 86_400.0
 """Longest simulation from the world's start [s]; all pulses since then are counted."""
 PATH_KEPT_S = 10.0
@@ -86,7 +85,6 @@ class Arguments:
     frequency_hz: float
     sample_rate_hz: float
     integers: bool
-    """True for INT16_IQ, False for FLOAT32_IQ."""
     gain: int
     """Receiver gain, in steps of airspy_rx's sensitivity gain."""
     samples: int | None
@@ -140,7 +138,6 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
 
 
 def _rate_hz(given: dict[str, str]) -> float:
-    """Sample rate from the arguments; raises `ArgumentFault` if the radio has no such rate."""
     rate_hz = _number(given, "-a", SAMPLE_RATES_HZ[0])
     if rate_hz not in SAMPLE_RATES_HZ:
         with suppress(UavrtError):
@@ -172,7 +169,6 @@ def _serial(text: str | None) -> int | None:
 
 
 def _gain(given: dict[str, str]) -> int:
-    """Receiver gain, 0 to 21, from the simplified gains or the sum of the three stages."""
     _whole(given, "-b", 0, 1, "biast")
     stages = (
         _whole(given, "-v", 5, 15, "vga_gain"),
@@ -237,7 +233,6 @@ class Transmission:
         self._finish(writer)
 
     def _delay(self) -> None:
-        """Delay writes as the scenario requires; delayed ones are then written at once."""
         radio = self._synthesizer.scenario.radio
         if radio.arrival_jitter_s:
             self._stop.wait(self._chance.exponential(radio.arrival_jitter_s))
@@ -245,7 +240,6 @@ class Transmission:
             self._stop.wait(self._chance.uniform(*STALL_S))
 
     def _drop_samples(self, index: int) -> int:
-        """Drop samples silently, as the scenario requires."""
         radio = self._synthesizer.scenario.radio
         if not radio.loss_share:
             return index
@@ -270,7 +264,6 @@ class Transmission:
         return True
 
     def _skip(self, first: int, following: int) -> int:
-        """Count samples lost by a slow reader; return the index at which to continue."""
         present = self._synthesizer.index_at(self._clock.now_ns())
         resume = max(following, present)
         self.lost_samples += resume - first
@@ -281,7 +274,6 @@ class Transmission:
         return encode(samples, "cs16" if self._integers else "cf32")
 
     def _drain(self) -> None:
-        """Write queued buffers, in a thread; only this calls `write`."""
         while (block := self._buffers.get()) is not None:
             try:
                 self._write(memoryview(block))
@@ -291,7 +283,6 @@ class Transmission:
                 return
 
     def _finish(self, writer: threading.Thread) -> None:
-        """Wait until the reader has taken the queue, unless it does not read."""
         try:
             self._buffers.put(None, timeout=0.2)
         except queue.Full:

@@ -131,7 +131,6 @@ def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
 
 
 def _tags(duration_s: float) -> tuple[SimulatedTag, ...]:
-    """Three tags: that of the thesis, one with two rates and one of another make."""
     return (
         SimulatedTag(
             tag_id=2,
@@ -268,7 +267,6 @@ def _flight(duration_s: float) -> Flight:
 
 
 def _centre(duration_s: float) -> Flight:
-    """Centre of the three points (north, east) [m]."""
     corners = _points(duration_s)
     return Flight(
         north_m=sum(corner[0] for corner in corners) / 3,

@@ -85,7 +85,6 @@ class AutopilotSettings:
     mute_clock: bool = False
     """Leave TIMESYNC messages unanswered."""
     boot_time_s: float = 20.0
-    """Boot time at the start [s]."""
     companion_jitter_s: float = 0.0
     ground_jitter_s: float = 0.0
     companion_loss: float = 0.0
@@ -94,7 +93,6 @@ class AutopilotSettings:
     seed: int = 1
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
-    """Values of parameters that differ from the defaults."""
     flies: bool = False
     """Hover at the start of the flight and obey commands; otherwise fly the scenario's flight.
     """
@@ -267,7 +265,6 @@ class FakeAutopilot:
         return take
 
     def _later(self, time_ns: int, action: Callable[[], None]) -> None:
-        """Schedule an action, or run it at once if its time has come."""
         wait_s = (time_ns - self._clock.now_ns()) / 1e9
         if wait_s <= 0.0:
             action()
@@ -299,11 +296,9 @@ class FakeAutopilot:
             other.ring.push(frame)
 
     def _passes_on(self) -> bool:
-        """True if the parameters allow forwarding from one port to the other."""
         return all(map(self.parameters.passes_on, (COMPANION_PORT, GROUND_PORT)))
 
     def _forward(self, side: _LinkSide, now_ns: int) -> None:
-        """Run the main loop's passes up to a time, and send what they forward."""
         for frame in side.ring.passes(now_ns):
             self._emit(side, frame.raw)
 
@@ -331,7 +326,6 @@ class FakeAutopilot:
             side.due_ns[message_id] = due_ns
 
     def _telemetry(self, message_id: int, boot_ms: int, time_ns: int) -> Message | None:
-        """Create a telemetry message; None without data."""
         if message_id == dialect.Heartbeat.ID:
             return self._heartbeat()
         if self.flown is not None and message_id in FLOWN_IDS:
@@ -412,7 +406,6 @@ class FakeAutopilot:
             self.reboot()
 
     def _fact(self, message_id: int) -> Message:
-        """Answer a request for the autopilot's identity, home or battery."""
         if message_id == dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(
                 capabilities=CAPABILITIES,

@@ -89,7 +89,6 @@ class FlownPath:
         return north, east, up, wrap_degrees_360(heading)
 
     def _read(self) -> None:
-        """Read new records; an incomplete one is read again later."""
         try:
             with self._path.open("rb") as file:
                 file.seek(self._read_to)

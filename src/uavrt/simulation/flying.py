@@ -234,7 +234,6 @@ class FlyingVehicle:
         return MavResult.ACCEPTED
 
     def _reposition(self, message: dialect.CommandInt | dialect.CommandLong) -> int:
-        """Fly to a position, as each autopilot interprets the command."""
         px4, whole = self.flavour == "px4", isinstance(message, dialect.CommandInt)
         if not px4 and not whole:
             return MavResult.UNSUPPORTED
@@ -292,7 +291,6 @@ class FlyingVehicle:
         self._land()
 
     def _bearing_deg(self, target: Target) -> float | None:
-        """Bearing to the target [°]; None if it is near."""
         if not self.commanded:
             return None
         place = self.body.place_m
@@ -302,7 +300,6 @@ class FlyingVehicle:
         return math.degrees(math.atan2(east, north)) % 360.0
 
     def _land(self) -> None:
-        """Descend at home, and disarm on the ground."""
         names, target, body = MODES[self.flavour], self.target, self.body
         if self.mode == names.get("takeoff") and target is not None:
             if body.height_m > target.height_m - 0.5:

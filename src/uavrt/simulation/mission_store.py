@@ -148,7 +148,6 @@ class MissionStore:
         send(dialect.MissionItemInt(**(values | _to(sender, kind) | {"seq": message.seq})))
 
     def _end(self, message: dialect.MissionAck, sender: Place) -> None:
-        """Drop an upload that its sender has cancelled."""
         upload = self._upload
         if upload is not None and upload.sender == sender and message.type:
             self._upload = None

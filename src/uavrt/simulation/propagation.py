@@ -70,7 +70,6 @@ class Link:
     """Properties of the path of one pulse from tag to antenna."""
 
     distance_m: float
-    """Straight distance from the tag to the antenna [m]."""
     bearing_deg: float
     """Compass direction from the antenna to the tag, true [°]."""
     elevation_deg: float
@@ -125,7 +124,6 @@ def fading_db(fading: Fading, seed: int, tag_id: int, elapsed_s: float) -> float
 def _mirror_in_wall(
     wall: Wall, tag: geometry.Vector, antenna: geometry.Vector
 ) -> geometry.Vector | None:
-    """Mirror image of a tag in a wall; None unless tag and antenna are both in front of it."""
     facing = math.radians(wall.facing_deg)
     normal = (math.cos(facing), math.sin(facing), 0.0)
     foot = (wall.north_m, wall.east_m, 0.0)

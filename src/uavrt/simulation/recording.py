@@ -157,7 +157,6 @@ def _write_samples(
     sample_format: SampleFormat,
     on_progress: Callable[[int, int], None] | None,
 ) -> str:
-    """Write the samples; return their SHA-512 hash."""
     checksum = hashlib.sha512()
     done = 0
     with path.open("wb") as file:
@@ -211,7 +210,6 @@ def _sigmf_metadata(
     pulses: Sequence[TruePulse],
     checksum: str,
 ) -> dict[str, Any]:
-    """SigMF 1.2 metadata with an annotation for every true pulse."""
     scenario = synthesizer.scenario
     annotations = []
     for pulse in pulses:

@@ -100,7 +100,6 @@ class Relief:
 def _bullington_db(
     x: _Floats, ground: _Floats, ends: tuple[float, float], wavelength_m: float
 ) -> float:
-    """Diffraction loss of a height profile [dB]; its ends are the antennas."""
     far, between, height = float(x[-1]), x[1:-1], ground[1:-1]
     start, end = ends
     up = float(np.max((height - start) / between))

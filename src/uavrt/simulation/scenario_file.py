@@ -61,7 +61,6 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
 
 
 def _read_start_time(table: dict[str, Any], faults: list[str]) -> None:
-    """Convert the readable ``start_time`` to nanoseconds."""
     stamp = table.pop("start_time", None)
     if stamp is None:
         return
@@ -140,7 +139,6 @@ def scenario_toml(scenario: Scenario) -> str:
 
 
 def _table_lines(name: str, record: object) -> list[str]:
-    """Lines of one table: plain values first, then its tables, as TOML requires."""
     plain: list[str] = []
     nested: list[str] = []
     assert is_dataclass(record)

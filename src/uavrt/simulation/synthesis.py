@@ -125,7 +125,6 @@ class IQSynthesizer:
             np.clip(parts, -1.0, 1.0, out=parts)
 
     def _add_pulses(self, first: int) -> float:
-        """Add the pulses of a chunk; return the sum of their amplitudes."""
         start_s = first / self.true_sample_rate_hz
         end_s = (first + CHUNK_SAMPLES) / self.true_sample_rate_hz
         total = 0.0
@@ -149,7 +148,6 @@ class IQSynthesizer:
     def _pulse_samples(
         self, tag: SimulatedTag, index: int
     ) -> tuple[int, NDArray[np.complex64]]:
-        """Index of the first sample and all samples of a pulse; cached until it is over."""
         key = (tag.tag_id, index)
         if key not in self._pulses:
             self._pulses[key] = self._synthesize(self.world.pulse(tag, index))
@@ -173,7 +171,6 @@ class IQSynthesizer:
         return begin, wave
 
     def _add_impulses(self, first: int) -> float:
-        """Add short bursts of wideband noise; return the largest amplitude."""
         peak = 0.0
         end = first + CHUNK_SAMPLES
         for number, interferer in enumerate(self.scenario.interferer):
@@ -196,7 +193,6 @@ class IQSynthesizer:
     def _impulses(
         self, number: int, interferer: Interferer, slot: int, width: int
     ) -> list[tuple[int, NDArray[np.complex128]]]:
-        """Start and samples of the impulses in one slot of 0.1 s."""
         key = stream_key(self.scenario.seed, "impulses", number)
         generator = np.random.Generator(
             np.random.SFC64(np.random.SeedSequence((key, max(0, slot))))

@@ -37,7 +37,6 @@ class TruePulse:
     rate: int
     """Which of the tag's intervals follows this pulse; 1 is the first."""
     transmit_time_ns: int
-    """Start of the pulse at the tag [ns, UTC]."""
     start_time_ns: int
     """Start of the pulse at the antenna [ns, UTC]."""
     end_time_ns: int
@@ -49,7 +48,6 @@ class TruePulse:
     amplitude: float
     """Amplitude of the complex samples at the radio's gain [full scale]."""
     phase_rad: float
-    """Phase of the carrier at the start of the pulse [rad]."""
     fading_db: float
     distance_m: float
     bearing_deg: float
@@ -176,7 +174,6 @@ class World:
         return position_weights(switch, body, SPEED_OF_LIGHT_M_S / pulse.frequency_hz)
 
     def _tag_place(self, tag: SimulatedTag, time_ns: int) -> geometry.Vector:
-        """Position of a tag from home [m, NED], on the ground."""
         north, east, down = self.scenario.tag_position_ned_m(tag, time_ns)
         if self._relief is None:
             return north, east, down

@@ -165,7 +165,6 @@ class Supervisor:
         self._wake.set()
 
     async def _end(self) -> None:
-        """End a running flight, stop all processes and delete the saved state."""
         await self._operations.end()
         if self._end_task is not None:
             await self._end_task
@@ -204,7 +203,6 @@ class Supervisor:
         self._next_disk_s = 0.0  # report card faults at the start
 
     def _tag_corrected(self, flight: FlightInfo) -> None:
-        """Send the corrected tag to all processes; restart the receiver and the detectors."""
         self._publish("corrected_tags", flight)
         self._restart_task = asyncio.ensure_future(self._search_again())
 
@@ -219,7 +217,6 @@ class Supervisor:
         self._end_task = asyncio.ensure_future(self._end_flight())
 
     async def _end_flight(self) -> None:
-        """Stop receiver, then detectors; wait for the last pulses; close the flight."""
         await self._fleet.stop_flight()
         limit_s = self.mission.settings.now.antenna.pose_wait_s + LAST_POSES_S
         if not await self._last_pulses.posed_within(limit_s):
@@ -259,7 +256,6 @@ class Supervisor:
         self._publish("command_reply", reply)
 
     async def _test_radio(self) -> tuple[bool, str]:
-        """Start a program that queries the radio, and wait for its answer."""
         try:
             question = RadioTest(self.mission.settings.now.radio)
         except OSError as error:
@@ -290,7 +286,6 @@ class Supervisor:
                     self._notify(4, text)
 
     def _check_disk(self) -> None:
-        """Measure free disk space in a thread; remove old flights if so configured."""
         if self._disk_task is None or self._disk_task.done():
             self._disk_task = asyncio.ensure_future(self._guard_disk())
 
@@ -348,7 +343,6 @@ class Supervisor:
         self._forward(topic, encode_record(topic, record))
 
     def _notify(self, severity: int, text: str) -> None:
-        """Send a text to the operator and write it to the log."""
         level = logging.WARNING if severity <= WARNING_SEVERITY else logging.INFO
         log.log(level, text)
         self._publish("status_text", StatusText(severity=severity, text=text))

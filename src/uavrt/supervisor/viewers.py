@@ -45,7 +45,6 @@ class Viewers:
             self._lines.append(line)
 
     def _show_all(self) -> None:
-        """Send the collected records to every viewer."""
         data = b"".join(self._lines)
         self._lines.clear()
         for writer in list(self._writers):

@@ -70,7 +70,6 @@ class DiskGuard:
         return texts + self._check_card()
 
     def _note(self) -> None:
-        """Add the flight to the list of flights on the disk; retry at the next check."""
         if self._to_note is None:
             return
         try:
@@ -83,7 +82,6 @@ class DiskGuard:
             self._to_note = None
 
     def _check_card(self) -> list[tuple[int, str]]:
-        """Get a warning if the memory card has a new kind of fault in this flight."""
         card = card_of(self._directory)
         faults = card.faults() if card is not None else []
         known, self._card_faults = self._card_faults, len(faults)
@@ -102,11 +100,9 @@ class DiskGuard:
         return usage.f_bavail * usage.f_frsize / 1e6
 
     def _remove_oldest(self) -> Path | None:
-        """Remove the oldest removable flight; None if there is none."""
         return next((path for path in self._removable_flights() if _removed(path)), None)
 
     def _remove_oldest_samples(self) -> Path | None:
-        """Remove the samples of the oldest flight that has any; None if no flight has."""
         for path in self._removable_flights():
             channels = FlightLayout(path).channels_directory
             if channels.is_dir() and not channels.is_symlink() and _removed(channels):
@@ -130,7 +126,6 @@ class DiskGuard:
 
 
 def _removed(directory: Path) -> bool:
-    """Remove a directory; False if that fails."""
     try:
         shutil.rmtree(directory)
     except OSError as error:

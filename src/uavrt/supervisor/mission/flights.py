@@ -152,7 +152,6 @@ class Flights:
         return flight
 
     def _near_code_texts(self, tags: Sequence[Tag]) -> list[str]:
-        """List codes that are easily confused, as short texts for a radio link."""
         window_hz = self._settings.now.detection.frequency_window_hz
         pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
         words = [
@@ -189,7 +188,6 @@ class Flights:
     def _open(
         self, tags: tuple[Tag, ...], center_hz: float, capture_s: float | None = None
     ) -> FlightInfo:
-        """Create the flight's directory and start its clock."""
         self.clock = Clock.start()
         self._settings.begin_flight()
         self.flight = new_flight(

@@ -100,7 +100,6 @@ class SettingsInForce:
         self._use_gain(command.gain)
 
     def _use_gain(self, gain: int | None) -> None:
-        """Apply a gain until another is set or uavrt stops; None changes nothing."""
         if gain is not None:
             self._use(with_parameter(self.now, "RADIO_GAIN", gain))
             self.gain = gain

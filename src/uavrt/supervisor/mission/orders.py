@@ -65,7 +65,6 @@ class Mission:
         self._notify, self._on_stop, self._on_correction = notify, on_stop, on_correction
         self._replies: dict[tuple[str, int], CommandReply] = {}
         self.refused = 0
-        """Number of refused commands since the start."""
         self.commander = Commander(pinned=settings.mavlink.first_commands)
 
     # ------------------------------------------------------------------ memory
@@ -183,7 +182,6 @@ class Mission:
         return _reply(command, True, message)
 
     def _refusal(self, command: Command) -> str | None:
-        """Text that explains why this sender's command is refused; None if it is allowed."""
         mavlink = self.settings.now.mavlink
         locked = mavlink.key_file is not None and mavlink.key_required
         if locked and not command.sealed and command.source == "ros2":
@@ -228,7 +226,6 @@ class Mission:
         return ""
 
     def _correct_tag(self, tag: Tag | None) -> str:
-        """Correct a tag's values in the present flight; return what changed."""
         corrected = self.flights.correct(tag)
         if tag is None or corrected is None:
             return "unchanged"

@@ -105,7 +105,6 @@ def _run(asked: int, launcher: Launcher) -> bytes:
 
 
 def _read_all(descriptor: int) -> bytes:
-    """Read a descriptor until its end; raises `TimeoutError`."""
     deadline_s = time.monotonic() + TIMEOUT_S
     data = b""
     while True:

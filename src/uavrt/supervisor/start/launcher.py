@@ -116,7 +116,6 @@ class Launcher:
         return reason
 
     def _listen(self, now_s: float) -> None:
-        """Receive the nursery's answers to life checks, and send the next check."""
         while self._sock is not None and self._readable(0.0):
             if self._receive() is None:
                 return
@@ -207,7 +206,6 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str],
     ) -> int | None:
-        """Start a process by the nursery; None if that failed."""
         # A process forked twice becomes our child only if we adopt orphans.
         if not self._ready or self._sock is None or not adopts_orphans():
             return None
@@ -256,7 +254,6 @@ class Launcher:
             self._process.kill()
 
     def _send(self, data: bytes, fds: Sequence[int]) -> bool:
-        """Send a datagram to the nursery; False if it has ended."""
         assert self._sock is not None
         try:
             socket.send_fds(self._sock, [data], fds, socket.MSG_DONTWAIT)
@@ -272,7 +269,6 @@ class Launcher:
         return bool(select.select([self._sock], [], [], timeout_s)[0])
 
     def _receive(self) -> dict[str, int | str] | None:
-        """Receive a datagram from the nursery; None if it has ended."""
         assert self._sock is not None
         try:
             data = self._sock.recv(4096)

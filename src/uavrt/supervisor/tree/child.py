@@ -133,7 +133,6 @@ class Child:
             log.debug("already gone", child=self.name)
 
     def _read_records(self) -> bool:
-        """Read records from the process; False when the stream has ended."""
         try:
             data = self._sock.recv(READ_BYTES)
         except BlockingIOError:
@@ -150,7 +149,6 @@ class Child:
         return True
 
     def _read_output(self) -> bool:
-        """Read printed output of the process; False when the stream has ended."""
         try:
             data = os.read(self._stdout, READ_BYTES)
         except BlockingIOError:
@@ -174,7 +172,6 @@ class Child:
         self._on_exit(exit_code)
 
     def _drain(self) -> None:
-        """Read the last records and printed output, and close the descriptors."""
         self._loop.remove_writer(self._sock)
         while select.select([self._sock], [], [], 0)[0] and self._read_records():
             pass

@@ -45,7 +45,6 @@ class Intake:
             self._unregister()
 
     def _unregister(self) -> None:
-        """Unregister from the event loop, so that the loop can end."""
         self._listen(False)
         if self._timer is not None:
             self._timer.cancel()

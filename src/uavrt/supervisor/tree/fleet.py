@@ -67,7 +67,6 @@ class Fleet:
         """Children that this program had before the fleet was created; they are not orphans."""
         self._exempt: set[int] = set()
         self._ending: set[int] = set()
-        """Process ids of orphans that were killed and have not ended yet."""
         self._sockets: dict[str, list[tuple[socket.socket, socket.socket]]] = {}
         self._window_hz = mission.settings.now.detection.frequency_window_hz
         """Search half-width at the last assignment of tags [Hz]."""
@@ -108,7 +107,6 @@ class Fleet:
                 self._watch(instance, instance.child, now_s)
 
     def _check_nursery(self) -> None:
-        """Restart the nursery if it has ended; running processes do not depend on it."""
         reason = self._launcher.tend()
         if reason is not None:
             self._notify(4, f"nursery {reason}: restarting it")
@@ -142,7 +140,6 @@ class Fleet:
         return len(self._shares((*self._mission.upload.tags.values(),)))
 
     def _shares(self, tags: tuple[Tag, ...]) -> tuple[tuple[Tag, ...], ...]:
-        """Assign the tags to detector processes: a tuple of tags for each."""
         return share_tags(
             tags, self._workers, window_hz=self._window_hz, receiver=self._receiver
         )
@@ -179,7 +176,6 @@ class Fleet:
         log.info("started", child=instance.name, pid=instance.child.pid)
 
     def _watch(self, instance: Instance, child: Child, now_s: float) -> None:
-        """Kill a process that has sent nothing for longer than its limit."""
         if instance.stop_asked_s is not None or child.killed:
             return
         limit_s = instance.row.silence_limit_s if child.heard else instance.row.start_limit_s
@@ -284,7 +280,6 @@ class Fleet:
             await self._stop_row(row)
 
     async def _stop_row(self, row: ProcessRow) -> None:
-        """Stop all instances of a row by SIGTERM, and by SIGKILL after the row's timeout."""
         instances = [i for i in self._instances.values() if i.row is row]
         running = [instance for instance in instances if instance.child is not None]
         for instance in instances:
@@ -323,7 +318,6 @@ class Fleet:
         }
 
     def _fds_of(self, instance: Instance) -> tuple[int, ...]:
-        """Sample descriptors an instance inherits: first to receive, then to send."""
         row = instance.row
         fds = []
         if row.name in self._sockets:

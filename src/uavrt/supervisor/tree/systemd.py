@@ -34,7 +34,6 @@ class SystemdNotifier:
             self._sock.close()
 
     def _send(self, state: str) -> None:
-        """Send a message; ignore a missing or busy systemd."""
         if self._sock is not None:
             with contextlib.suppress(OSError):
                 self._sock.sendto(state.encode(), socket.MSG_DONTWAIT, self._address)

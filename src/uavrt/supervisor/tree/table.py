@@ -254,7 +254,6 @@ PROCESSES: tuple[ProcessRow, ...] = (
 )
 
 SUPERVISOR_TOPICS = ("command", "health", "status_text", "taken")
-"""Topics that the supervisor itself reads."""
 
 
 def consumers_of(

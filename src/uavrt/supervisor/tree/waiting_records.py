@@ -38,7 +38,6 @@ class Outbox:
         self._kept: deque[Line] = deque()
         """Lines sent to the present run and not yet taken."""
         self._taken = 0
-        """Number of lines that the present run has taken."""
         self._runs_without_progress = 0
         self._flight: bytes | None = None
         """Record of the flight to which the first waiting or kept line belongs; None outside of
@@ -120,7 +119,6 @@ class Outbox:
         return True
 
     def _keep(self, name: str, line: bytes) -> None:
-        """Keep a sent line until it is taken; drop the oldest if there are too many."""
         self._kept.append((name, line))
         if len(self._kept) > MOST_KEPT:
             self._give_up()
@@ -142,7 +140,6 @@ class Outbox:
         self._update_flight(name, line)
 
     def _update_flight(self, name: str, line: bytes) -> None:
-        """Update the present flight when a line leaves the queue."""
         if name == "flight":
             self._flight = line
         elif name == "flight_end":
