@@ -52,7 +52,7 @@ class GpsdParser:
         self._decoder = msgspec.json.Decoder(_Line)
         self.received = 0
         self.bad_crc = 0
-        """Number of invalid lines; all parsers have this name."""
+        """Number of invalid lines, under the name common to all parsers."""
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[GpsdReport]:

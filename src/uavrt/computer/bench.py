@@ -108,7 +108,7 @@ class Bench:
         one.detector_ns = now_ns
         return one
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset for another drone, or after this one was moved."""
         self.tags.clear()
         self.pose_ns = self.posed = None

@@ -222,7 +222,7 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
     verdict, fault = judge()
     if verdict is Verdict.GOOD:
         _take_keys(current, place)
-        place.forget_trial()
+        place.end_trial()
         place.remove_others(current, before)
         say(f"{current.name} is good, and stays")
         return True
@@ -234,7 +234,7 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
 
 def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
     restarted = _restart(restart, say)
-    place.forget_trial()
+    place.end_trial()
     if restarted:  # otherwise the refused one may still run from its files
         place.remove_others(before)
 

@@ -4,15 +4,15 @@
 
     /opt/uavrt/
     ├── venv -> versions/0.2.0-1f0c33a9    what the service starts
-    ├── trial -> versions/source           while the new one is tried: the one before
-    ├── update-keys.pem                    whose updates are taken
+    ├── trial -> versions/source           while a new version is on trial: the previous one
+    ├── update-keys.pem                    keys whose updates are accepted
     └── versions/
         ├── source/                        made by deploy/install.sh
         └── 0.2.0-1f0c33a9/                made by `uavrt update`
 
 Each is an environment of its own and complete before a link leads to it. A link is replaced as
 a whole (rename(2)), so at every instant there is a version that runs. `trial` is also the
-journal: while it is there, the new version is not taken for good.
+journal: while it exists, the new version is not accepted permanently.
 """
 
 import fcntl
@@ -90,7 +90,7 @@ class Installation:
         new.replace(link)
         self.sync()
 
-    def forget_trial(self) -> None:
+    def end_trial(self) -> None:
         """Keep the running version permanently."""
         self.trial.unlink(missing_ok=True)
         self.sync()

@@ -96,7 +96,7 @@ class Capture:
     def flush(self) -> None:
         """Do nothing, because no samples are buffered here."""
 
-    def forget(self, *, failed: bool = True) -> None:
+    def restart_filters(self, *, failed: bool = True) -> None:
         """Restart the filter, because the next samples do not follow the last ones."""
         self.failures += failed
         self._front_end.reset()

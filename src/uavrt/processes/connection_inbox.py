@@ -202,7 +202,7 @@ class ConnectionInbox:
     def record(self, topic: str, record: Any) -> None:
         """Handle a record from the supervisor."""
         if topic == "corrected_tags":
-            self._status.forget_beeps()
+            self._status.clear_beeps()
         elif (handler := self._records.get(type(record))) is not None:
             handler(record)
 

@@ -105,7 +105,7 @@ class GroundStatus:
         self._shift_ns = shift_ns
         self._beeps.clear()
 
-    def forget_beeps(self) -> None:
+    def clear_beeps(self) -> None:
         """Clear the beeping senders, because the list of tags has changed."""
         self._beeps.clear()
 

@@ -73,7 +73,7 @@ class MotionControl:
         self._late_reported = False
 
     def use(self, kind: AutopilotName | None) -> None:
-        """Begin with the authority of an autopilot; with None no command is possible."""
+        """Set the autopilot's kind, for the rules on commands; None: no commands possible."""
         if kind is None:
             self.authority = None
             return

@@ -58,7 +58,7 @@ class MotionDesk:
         now_s = monotonic_s()
         self.control.see([Boot(now_s)], now_s)
         self.control.use(None)
-        self._autopilot.forget()
+        self._autopilot.reset()
         self._fence.autopilot_found()
 
     def vehicle(

@@ -246,7 +246,7 @@ class Receiver:
             "in them are missed. Check its USB cable and this computer's load",
         )
 
-    def forget(self, *, failed: bool = True) -> None:
+    def restart_filters(self, *, failed: bool = True) -> None:
         """Restart the filters, because the next samples do not follow the last ones."""
         self.failures += failed
         self._reopened = True
@@ -331,7 +331,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
                     again = monotonic_s() - last_failure_s < RETRY_WINDOW_S
                     delay_s = receiver.radio.retry_s if again else 0.0
                     last_failure_s = monotonic_s()
-                    receiver.forget()
+                    receiver.restart_filters()
                     reason = str(error) or "the stream ended"
                     if reason != last_reason or delay_s == 0.0:
                         log.warning("radio absent", reason=reason)
@@ -376,7 +376,7 @@ def receive(
         source.close()
     if frame.running:
         log.info("radio reopened", gain=receiver.radio.gain, bias_tee=receiver.radio.bias_tee)
-        receiver.forget(failed=False)
+        receiver.restart_filters(failed=False)
 
 
 def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason: str) -> None:

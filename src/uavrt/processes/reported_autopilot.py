@@ -28,9 +28,9 @@ class ReportedAutopilot:
         late = link is not None and link.kind == "tcp" and not link.is_loopback
         self.link_fault = TCP_IS_LATE if late else None
         """Reason why no order can be flown over this link; None if possible."""
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Clear everything, because the autopilot is new or another one."""
         self.kind: AutopilotName | None = None
         self._simulated: bool | None = None
@@ -55,7 +55,7 @@ class ReportedAutopilot:
 
     @property
     def takes_unsealed(self) -> bool:
-        """True for the simulator on this computer; anything else could only claim to be it."""
+        """True if unauthenticated orders are accepted: by the simulator on this computer."""
         return bool(self._simulated) and self._on_loopback
 
     def ask_identity(

@@ -252,7 +252,7 @@ class ProgramSource(StreamSource):
 
 
 _INFORMATION_S: Final = 4.0
-"""Time limit of information programs [s]; a receiver silent for 5 s is killed."""
+"""Time limit for programs that list a radio's serial numbers and rates [s]."""
 
 
 def _run(

@@ -68,7 +68,7 @@ class DatagramPort:
         return number
 
     def send(self, data: bytes) -> None:
-        """Send a datagram; a missing peer is ignored."""
+        """Send a datagram; nothing happens if the receiver is missing."""
         if self._socket is None:
             return
         try:

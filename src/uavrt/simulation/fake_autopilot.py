@@ -61,8 +61,8 @@ MAX_LATE_NS = ns_from_s(0.5)
 """Age above which telemetry is skipped, because this program was paused [ns]."""
 ARDUPILOT_RING = 256 * 149
 ARDUPILOT_PASS_NS = 1_000
-"""Time between forwarded messages of ArduPilot [ns], which has no queue like PX4's. Without it,
-1000 consecutive messages overran its socket at 256."""
+"""Time between forwarded messages of ArduPilot [ns], which forwards at once. Without any gap,
+more than 256 messages overflowed a receiving socket."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

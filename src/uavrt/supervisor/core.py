@@ -173,7 +173,7 @@ class Supervisor:
             await self._end_flight()
         self._launcher.close()
         await self._fleet.stop_all()
-        self.mission.forget()
+        self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
         """Carry out a command, or explain the refusal; a repeated one gets the same reply.

@@ -92,7 +92,7 @@ def test_what_was_acknowledged_is_there_again(
 def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> None:
     before = new_mission(tmp_path)
     upload(before, *START)
-    before.forget()
+    before.delete_saved_state()
     after = new_mission(tmp_path)
     assert not after.resume()
     assert after.state is SystemState.IDLE

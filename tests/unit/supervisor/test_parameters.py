@@ -143,7 +143,7 @@ def test_without_any_tags_the_parameter_is_refused_with_the_remedy(tmp_path: Pat
 
 def test_the_tags_that_were_sent_last_outlive_a_stop_in_good_order(tmp_path: Path) -> None:
     before = with_tags(Operator(tmp_path, RADIO))
-    before.mission.forget()
+    before.mission.delete_saved_state()
     after = Operator(tmp_path, RADIO)
     assert not after.mission.resume()
     assert after.say("start_detection").message == "no tags: send tags first"

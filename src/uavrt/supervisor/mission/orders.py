@@ -83,7 +83,7 @@ class Mission:
         log.info("resumed", state=self.state.value, tags=len(saved.tags))
         return self.state is SystemState.DETECTING
 
-    def forget(self) -> None:
+    def delete_saved_state(self) -> None:
         """Delete the saved state, after a clean end."""
         self._store.forget()
 
@@ -120,7 +120,7 @@ class Mission:
                 del self._replies[next(iter(self._replies))]
         return self._replies[key]
 
-    def forget_replies(self) -> None:
+    def drop_replies(self) -> None:
         """Drop stored replies, because a restarted process repeats its request numbers."""
         self._replies.clear()
 

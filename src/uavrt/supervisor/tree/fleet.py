@@ -145,8 +145,8 @@ class Fleet:
         )
 
     def _start(self, instance: Instance) -> None:
-        instance.outbox.forget("assignment")
-        instance.outbox.forget("settings")  # older than those of the assignment
+        instance.outbox.remove_topic("assignment")
+        instance.outbox.remove_topic("settings")  # older than those of the assignment
         assignment = self._assignment(instance)
         instance.outbox.put_first(encode_record("assignment", assignment))
         instance.pace.started(len(assignment.tags))
@@ -155,7 +155,7 @@ class Fleet:
         instance.stop_asked_s = None
         instance.health = None
         if "command" in instance.row.produces:
-            self._mission.forget_replies()
+            self._mission.drop_replies()
         instance.restarts.started(monotonic_s())
         try:
             instance.child = Child(

@@ -26,7 +26,7 @@ Line = tuple[str, bytes]
 
 
 class Outbox:
-    """Lines for one process.
+    """Queue of record lines to be sent to one process.
 
     `backlog`: largest number per topic. `keeps`: keep sent lines until reported as taken.
     """
@@ -75,7 +75,7 @@ class Outbox:
         self._lines.appendleft((topic_of(line), line))
         self._waiting[topic_of(line)] += 1
 
-    def forget(self, name: str) -> None:
+    def remove_topic(self, name: str) -> None:
         """Remove all lines of a topic, such as an outdated assignment."""
         self._lines = deque(item for item in self._lines if item[0] != name)
         self._waiting[name] = 0
